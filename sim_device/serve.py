@@ -36,7 +36,7 @@ def serve(
         # was suspended were sent in time, whether the suspension was before or after the reading.
         now = wall()
         frames = [answer for frame in line.receive(device, now) for answer in device.receive(frame, now)]
-        if faults.value("cut_at_release") and any(map(_tells_release, frames)):
+        if faults.value("cut_at_release") and any(map(_is_release, frames)):
             log.info("the link is cut at the release, as requested")
             break
         frames += device.service(now, link.blocked)
@@ -52,7 +52,7 @@ def serve(
     link.close()
 
 
-def _tells_release(frame: Frame) -> bool:
+def _is_release(frame: Frame) -> bool:
     return frame.number == NUMBERS[Event] and frame.data[0] == EventKind.RELEASED
 
 

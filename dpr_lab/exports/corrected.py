@@ -18,7 +18,7 @@ from dpr_lab.effects import EFFECTS, effect_params
 from dpr_lab.effects.free_arm import FREE_ARM
 from dpr_lab.estimation.noise import NORMAL_Q90, noise_floor
 from dpr_lab.estimation.usable_runs import refuse_other_rigs
-from dpr_lab.exports.ensemble.sampled import signed
+from dpr_lab.exports.ensemble.sampled import with_permitted_signs
 from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_share, visible_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
@@ -249,7 +249,7 @@ def _without_insignificant(
         changes = dict(zip(posterior.free, steps.tolist(), strict=True))
         # parameters whose estimate is zero are not in `fitted`
         values |= {name: fitted[name] - changes[name] for name in changes.keys() & fitted.keys()}
-    return signed(values | dict.fromkeys(zero, 0.0))
+    return with_permitted_signs(values | dict.fromkeys(zero, 0.0))
 
 
 def has_moving_arm(diagnosis: Diagnosis) -> bool:

@@ -46,7 +46,7 @@ class Replayed:
 
 
 @dataclass(frozen=True, slots=True)
-class Yardstick:
+class ExportReference:
     """Reference for the errors of an export: recordings that the corrected and the bare model simulate."""
 
     rig: Rig
@@ -92,7 +92,7 @@ class Yardstick:
         return Replayed(_rms(squares), closed, {run: _rms(of_run) for run, of_run in by_run.items()})
 
 
-def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
+def export_reference(model: AnyModel, runs: Sequence[Run], rig: Rig) -> ExportReference:
     """Replay runs with a corrected model and with a refitted bare model, for comparison.
 
     A corrected model without effects is also the bare model.
@@ -111,7 +111,7 @@ def yardstick(model: AnyModel, runs: Sequence[Run], rig: Rig) -> Yardstick:
     replayed = tuple((held_out or pieces)[: REPLAY_RULE.most])
     corrected = replays(replayed, rig, model)
     bare = bare_model(model, runs, rig) if model.effects else model
-    return Yardstick(rig, replayed, model, bare, corrected, replays(replayed, rig, bare, corrected))
+    return ExportReference(rig, replayed, model, bare, corrected, replays(replayed, rig, bare, corrected))
 
 
 def _rms(squares: Sequence[float]) -> float:

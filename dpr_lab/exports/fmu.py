@@ -162,7 +162,7 @@ def fmu(model: AnyModel, rig: Rig, standard: str = "3.0") -> bytes:
         raise ConfigError(f"an FMU of FMI {standard} needs {package}: pip install 'dpr-lab[exports]'")
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"corrected_model_fmi{standard[0]}.py"
-        script.write_text(module + _in_words_of(slave, standard), encoding="utf-8")
+        script.write_text(module + _for_standard(slave, standard), encoding="utf-8")
         # In a separate process, because the builder imports the script under its name.
         built = subprocess.run(
             [sys.executable, "-m", package, "build", "-f", script.name], cwd=folder, capture_output=True, text=True
@@ -175,7 +175,7 @@ def fmu(model: AnyModel, rig: Rig, standard: str = "3.0") -> bytes:
         return units[0].read_bytes()
 
 
-def _in_words_of(slave: str, standard: str) -> str:
+def _for_standard(slave: str, standard: str) -> str:
     """Convert the source of the slave class to a version of the standard.
 
     The builder finds the class by the literal name of its base class.

@@ -11,7 +11,7 @@ from dpr_lab.identification.moving_arm.identify import ArmComparison
 from dpr_lab.identification.moving_arm.model import AnyModel, MovingArmModel
 from dpr_lab.report import moving_arm, tables
 from dpr_lab.report.figures import error_figure, response_figure, save_each
-from dpr_lab.report.pages.page import Definitions, Formula, Items, Section, page_html, pictures, write_page
+from dpr_lab.report.pages.page import Formula, Items, Section, page_html, pictures, write_page
 
 FIGURES = {
     "response": (
@@ -55,11 +55,6 @@ _SCALE = (
     " determines these six numbers only up to a common factor, so it identifies five ratios. Four of the nine"
     " parameters must be weighed or measured."
 )
-_DETERMINED_BY = {
-    "the recordings": "determined by the recordings together with the known scale",
-    "a measured value": "measured on the bench and given in the rig file",
-    "only its bounds": "not identifiable: all values within the bounds of the rig file fit equally well",
-}
 
 
 def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path, figures: Mapping[str, Path]) -> Path:
@@ -88,7 +83,6 @@ def write_report(model: Model, comparisons: Sequence[Comparison], out_dir: Path,
     parameters = [
         _SCALE,
         replace(tables.parameter_table(model), caption=tables.parameter_note(model)),
-        Definitions(_DETERMINED_BY),
     ]
     compared = [tables.comparison_table(comparisons), drawn["response"], drawn["error"]]
     sections = [

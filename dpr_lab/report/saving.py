@@ -9,7 +9,7 @@ from dpr_lab.acceptance.judge import Acceptance
 from dpr_lab.errors import ConfigError, DprError, RunError
 from dpr_lab.exports import FORMATS, ExportFormat
 from dpr_lab.exports.corrected import corrected_model
-from dpr_lab.exports.cost import REPLAY_RULE, Replayed, Yardstick, yardstick
+from dpr_lab.exports.cost import REPLAY_RULE, ExportReference, Replayed, export_reference
 from dpr_lab.exports.refit import fitted_for
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.identification.compare import Comparison
@@ -97,7 +97,7 @@ def _confirmed(
     if diagnosis.verdict != "unexplained" or not corrected.effects or not clamped:
         return corrected
     try:
-        reference = yardstick(corrected, clamped, rig)
+        reference = export_reference(corrected, clamped, rig)
     except DprError:
         return corrected
     corrected_rad, bare_rad = reference.replayed(reference.own).off_rad, reference.bare_rad
@@ -124,7 +124,7 @@ def save_exports(
     models = fitted_for(formats, corrected, runs, rig)
     reference = None
     if any(model is not corrected for model in models.values()):
-        reference = _yardstick(corrected, [run for run in runs if run.arm is None], rig, on_loss)
+        reference = _reference_or_none(corrected, [run for run in runs if run.arm is None], rig, on_loss)
     exports: dict[str, str] = {}
     for name in formats:
         model, lost, check = models[name], FORMATS[name].lost(corrected, rig), None
@@ -146,13 +146,15 @@ def save_exports(
     return exports
 
 
-def _yardstick(corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]) -> Yardstick | None:
+def _reference_or_none(
+    corrected: AnyModel, runs: Sequence[Run], rig: Rig, on_loss: Callable[[str], None]
+) -> ExportReference | None:
     """Simulate the runs with the corrected and the bare model, as reference for the errors of exports.
 
     If no run can be replayed, `on_loss` is called and the result is None.
     """
     try:
-        return yardstick(corrected, runs, rig)
+        return export_reference(corrected, runs, rig)
     except DprError as error:
         on_loss(f"The URDF and SDFormat files contain refitted models whose error is unknown: {error}")
         return None

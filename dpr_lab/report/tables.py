@@ -30,11 +30,15 @@ RATIO_NOTE_ALONE = (
     " about joint 1."
 )
 BASE_TITLE = "Base parameters, because the scale is known"
-PARAMETER_NOTE = (
-    '"A measured value": the rig file states the value, for example of a scale or calliper. "Only its bounds": these'
-    " runs do not identify the parameter, and its 90 % interval uses the bounds of the rig file as a prior. A"
-    " measurement of the parameter would determine it."
-)
+SOURCE_NOTES = {
+    "data": '"The recordings": they determine the value together with the known scale.',
+    "measured": '"A measured value": the rig file states the value, for example of a scale or calliper.',
+    "bound": (
+        '"Only its bounds": these runs do not identify the parameter, and its 90 % interval uses the bounds of the rig'
+        " file as a prior. A measurement of the parameter would determine it."
+    ),
+}
+"""Explanation of each source of a parameter value."""
 COMPARISON_NOTE = (
     "Pairs are θ1, θ2 (inner, outer rod). rms: residual of segments of 0.5 s with free initial states. Free run: rms"
     " error of one simulation from the release to the horizon. Held out: not fitted. Horizon: time up to"
@@ -224,11 +228,10 @@ def interval_words(parameter: "ParameterValue") -> str:
 
 
 def parameter_note(model: "Model") -> str:
-    """Describe the origin of the parameter values and the scale of absolute sizes."""
-    fitted = any(parameter.fixed_by == "data" for parameter in model.mounted.values())
-    with_scale = ' "The recordings": they determine the value together with the known scale.' if fitted else ""
-    scale = f" {superscripts(model.scale_sentence)}" if model.scale else ""
-    return f"{PARAMETER_NOTE}{with_scale}{scale}"
+    """Describe the sources of the parameter values, and the scale of absolute values."""
+    sources = {parameter.fixed_by for parameter in model.mounted.values()}
+    notes = [note for source, note in SOURCE_NOTES.items() if source in sources]
+    return " ".join([*notes, *([superscripts(model.scale_sentence)] if model.scale else [])])
 
 
 def role(held_out: bool, truncated: bool) -> str:

@@ -184,12 +184,12 @@ def _checked(
         simulation and in each program
     """
     from dpr_lab.exports import FORMATS
-    from dpr_lab.exports.cost import REPLAY_RULE, yardstick
+    from dpr_lab.exports.cost import REPLAY_RULE, export_reference
     from dpr_lab.exports.replay import replayed
 
     stages = len(formats) + 1
     on_event(StageBegan(1, stages, "dpr-lab's own simulation"))
-    reference = yardstick(model, runs, rig)
+    reference = export_reference(model, runs, rig)
     replays, refused = {}, {}
     for number, name in enumerate(formats, 2):
         on_event(StageBegan(number, stages, FORMATS[name].program))

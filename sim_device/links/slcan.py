@@ -45,10 +45,10 @@ class SlcanCodec:
         *lines, rest = (bytes(self._line) + data).split(b"\r")
         self._line[:] = rest if len(rest) <= LONGEST_LINE else b""
         for line in lines:
-            answers += self._obey(line, frames)
+            answers += self._execute(line, frames)
         return frames, bytes(answers)
 
-    def _obey(self, line: bytes, frames: list[Frame]) -> bytes:
+    def _execute(self, line: bytes, frames: list[Frame]) -> bytes:
         command, arguments = line[:1], line[1:]
         match command:
             case b"t" | b"T" | b"r" | b"R":

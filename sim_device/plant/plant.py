@@ -77,7 +77,7 @@ class Block(NamedTuple):
     """(ticks,) inputs that the program of the arm's drive requested; zeros without a drive."""
 
 
-def hung(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
+def mounted_rods(Z: NDArray[np.float64], setup: Setup) -> NDArray[np.float64]:
     """Return the parameters (9,) of the rods that are mounted."""
     l1, l2, m1, m2, mb, c1, c2, J1, J2 = Z
     if setup.mounting == "inner":
@@ -106,7 +106,7 @@ class Plant:
         self._setup = Setup(rig.rods.mounting, rig.added_mass, torques=driven, arm_moves=moves)
         Z = config.Z if rig.added_mass is None else loaded(config.Z, rig.added_mass)
         masses = dict(zip(PARAMETERS[2:5], config.Z[2:5].tolist(), strict=True))
-        self._Z = hung(Z, self._setup)
+        self._Z = mounted_rods(Z, self._setup)
         self._constants = constants_of_run(rig_constants(rig)._replace(**masses), self._setup)
         self.pace = 1.0
         """True seconds per second of the device's clock, which differ from 1 by the clock effect."""
@@ -165,7 +165,7 @@ class Plant:
         """Refuse joint drives if they could not produce exactly the reported torques.
 
         Raises:
-            ConfigError: a rod is not mounted, or the plant has an effect that belongs to drives.
+            ConfigError: a rod is not mounted, the mount is compliant, or an effect of the plant belongs to drives.
         """
         if self._setup.held:
             raise ConfigError(f"plant {self.config.name}: drives need both rods mounted")
@@ -200,19 +200,12 @@ class Plant:
         at_rest = 0.0 if self._moving[1] == CLAMPED else float(omega[0])
         return at_release([*theta, at_rest, omega[1], omega[1 if self._setup.held else 2]])
 
-    def swing(self, theta: Theta, omega: Theta, t: Theta) -> NDArray[np.float64]:
-        """Return the angles and speeds (n, 6) of a swing at the times `t` (n,).
-
-        The swing starts with theta, omega (3,) at t[0].
-        """
-        return self.goes_on(self.start(theta, omega), t)[:, : 2 * JOINTS]
-
-    def goes_on(self, state: AnyState, t: Theta) -> NDArray[np.float64]:
+    def free_states(self, state: AnyState, t: Theta) -> NDArray[np.float64]:
         """Return the states (n, 6 + internal), as in `RigState`, at true times `t` (n,) since the release."""
         return integrate(*self._moving, state, t, MAX_STEP)
 
-    def driven_on(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
-        """Return the states at true times, as `goes_on` does, under known torques (n - 1, ...), N m.
+    def driven_states(self, state: AnyState, t: Theta, torques: Theta) -> NDArray[np.float64]:
+        """Return the states at true times, as `free_states` does, under known torques (n - 1, ...), N m.
 
         The torques are constant from each instant to the next.
         """
@@ -386,14 +379,14 @@ def _blocks(
     while True:
         t = first / rate_hz + instants
         if plant.mount is not None:
-            torques, moved = plant.mount.torques(t, plant.goes_on(state, t), moved)
-            states = plant.driven_on(state, t, torques)
+            torques, moved = plant.mount.torques(t, plant.free_states(state, t), moved)
+            states = plant.driven_states(state, t, torques)
         elif driven is None:
-            states = plant.goes_on(state, t)
+            states = plant.free_states(state, t)
         elif plant.config.arm_drive is not None:
-            states, asked = driven(plant.driven_on, state, t, ticks, asked=asked)
+            states, asked = driven(plant.driven_states, state, t, ticks, asked=asked)
         else:
-            states = plant.driven_on(state, t, np.repeat(driven(first, ticks), looks, axis=0))
+            states = plant.driven_states(state, t, np.repeat(driven(first, ticks), looks, axis=0))
         requested = asked[first:] if len(asked) else np.zeros((len(states) - 1) // looks)
         yield Block(t, plant.at_encoders(states), requested)
         state, first = as_state(states[-1]), first + ticks

@@ -21,7 +21,7 @@ from dpr_lab.setup import Setup, Torques
 from sim_device.plant.arm_drive import arm_drive_of
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.plant import Plant
-from sim_device.trials.gap_size import MEASURE, eliminated
+from sim_device.trials.gap_size import MEASURE, eliminated, reading_noise
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,11 @@ def arm_gap(config: PlantConfig, rig: Rig) -> float:
     back_emf = 0.0 if config.arm_drive is None else config.arm_drive.back_emf
     arm = [config.arm.J0 + float(masses.sum()) * rig.L0**2, config.arm.c0 + back_emf]
     values, starts = np.array([*base, *arm]), np.array([_start(piece, rig) for piece in wanted])
-    sigma, rods, left = _noise(config, rig), _moving(rig, scaled=config.arm_drive is not None), np.array([np.inf])
+    sigma, rods, left = (
+        reading_noise(config, rig),
+        _moving(rig, scaled=config.arm_drive is not None),
+        np.array([np.inf]),
+    )
     for share in SHARES:
         free = rods.parameters if share == 1.0 else []
         part = np.s_[:, : round(share * length), rods.axes]
@@ -178,10 +182,3 @@ def _read(candidates: Array, initial: Array, laid_out: Segments, constants: RigC
     params = np.tile(effect_params({}), (len(candidates), 1))
     params[:, ARM] = candidates[:, 7:]
     return predict_batch(candidates[:, :7], params, constants, laid_out, initial, arm=True)
-
-
-def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """Return the standard deviation (3,) of encoders 1, 2 and 0, from noise and rounding, rad."""
-    noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
-    sigma = np.abs(rig.radians_per_count) * np.sqrt(noise**2 + config.encoders.step_counts**2 / 12)
-    return sigma[[1, 2, 0]]

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from dpr_lab.dynamics.base import RATIOS
 from dpr_lab.dynamics.segments import segments
 from dpr_lab.dynamics.sensitivity import sensitivities
+from dpr_lab.rig import Rig
+from sim_device.plant.config import PlantConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,13 @@ def gap_size(
         shift, start_shifts, left = eliminated(remaining, columns.reshape(len(pieces), 2 * length, -1), len(RATIOS))
         values, starts = values + shift, starts + start_shifts
     return float(np.sqrt(np.mean(left**2)))
+
+
+def reading_noise(config: PlantConfig, rig: Rig) -> Array:
+    """Return the standard deviation (3,) of encoders 1, 2 and 0, from noise and rounding, rad."""
+    noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
+    sigma = np.abs(rig.radians_per_count) * np.sqrt(noise**2 + config.encoders.step_counts**2 / 12)
+    return sigma[[1, 2, 0]]
 
 
 def _start(readings: Array, period: float, relative: bool) -> Array:

@@ -10,7 +10,7 @@ from dpr_lab.rig import Rig
 from sim_device.plant.config import PlantConfig
 from sim_device.plant.hidden import plant_of
 from sim_device.trials.arm_gap import arm_gap
-from sim_device.trials.gap_size import MEASURE, gap_size
+from sim_device.trials.gap_size import MEASURE, gap_size, reading_noise
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ def plant_gap(config: PlantConfig, rig: Rig) -> float:
     if not all(np.isfinite(release).all() for release in readings):
         return math.inf
     relative = rig.encoders.joint2 == "relative"
-    return gap_size(truth, frame, 1 / MEASURE.rate_hz, readings, _noise(config, rig), relative)
+    return gap_size(truth, frame, 1 / MEASURE.rate_hz, readings, reading_noise(config, rig)[:2], relative)
 
 
 def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
@@ -47,10 +47,3 @@ def noiseless(config: PlantConfig, rig: Rig, release: int) -> Array:
         whole = np.rint(positions).astype(np.int64)
         positions += plant.counted(whole) - whole
     return (positions - rig.encoders.zero_counts)[:, 1:] * rig.radians_per_count[1:]
-
-
-def _noise(config: PlantConfig, rig: Rig) -> Array:
-    """Return the standard deviation (2,) of encoders 1 and 2, from noise and rounding, rad."""
-    noise = np.broadcast_to(np.asarray(config.encoders.noise_counts, dtype=np.float64), 3)
-    variance = noise**2 + config.encoders.step_counts**2 / 12
-    return np.abs(rig.radians_per_count[1:]) * np.sqrt(variance[1:])

@@ -13,6 +13,7 @@ from dpr_lab.effects import EFFECTS, OF_FREE_SWINGS, effect_params, param_index
 from dpr_lab.rig import load_rig
 from sim_device.plant.config import load_plant
 from sim_device.plant.plant import Plant, Swing
+from tests.plant_motion import motion
 from tests.thinned import thinned
 
 RIG = load_rig("paper")
@@ -41,7 +42,7 @@ def record(effects):
         seen = RIG.theta(counts)
         angles.append(np.column_stack([seen[:, 1], seen[:, 2] - seen[:, 1]]))
         at = np.concatenate([[0.0], t[SAMPLES::SAMPLES] - PAD])
-        starts.append(plant.swing(pose.theta, np.zeros(3), at)[:, [1, 2, 4, 5]])
+        starts.append(motion(plant, pose.theta, np.zeros(3), at)[:, [1, 2, 4, 5]])
     return np.concatenate(angles), np.concatenate(starts)
 
 

@@ -13,7 +13,7 @@ from dpr_lab.dynamics.base import BASE, RATIOS
 from dpr_lab.effects import effect_params
 from dpr_lab.errors import ConfigError
 from dpr_lab.exports import refit
-from dpr_lab.exports.cost import Replayed, Yardstick
+from dpr_lab.exports.cost import ExportReference, Replayed
 from dpr_lab.exports.programs import Replay
 from dpr_lab.exports.refit import fitted_for, moving
 from dpr_lab.fitting.gauss_newton import fit
@@ -29,7 +29,7 @@ from dpr_lab.identification.model import (
     SearchRecord,
     load_model,
 )
-from dpr_lab.report.saving import _confirmed, _yardstick, save_exports
+from dpr_lab.report.saving import _confirmed, _reference_or_none, save_exports
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.run import Run
 from dpr_lab.storage.csv_import import import_csv
@@ -155,7 +155,7 @@ def test_files_of_a_diagnosis_state_their_loss_of_accuracy(corrected: Model, run
     assert "rms error of free runs up to the predictability horizon" in result[0]
     lost = json.loads(Path(f"{files['urdf']}.lost.json").read_text(encoding="utf-8"))
     assert 0 < lost["check"]["off_rad"] <= lost["check"]["bare_rad"]
-    assert _yardstick(corrected, [], paper, result.append) is None
+    assert _reference_or_none(corrected, [], paper, result.append) is None
     assert "error is unknown: no run can be replayed" in result[-1]
 
 
@@ -171,7 +171,7 @@ def test_an_unexplained_model_that_predicts_worse_is_not_written(verdict, own_ra
         replayed=lambda swings: SimpleNamespace(off_rad=own_rad),
         bare=corrected.model_copy(update={"effects": {}}),
     )
-    monkeypatch.setattr("dpr_lab.report.saving.yardstick", lambda *arguments: reference)
+    monkeypatch.setattr("dpr_lab.report.saving.export_reference", lambda *arguments: reference)
     diagnosis: Any = SimpleNamespace(verdict=verdict)
     runs: Any = [SimpleNamespace(arm=None)]
     messages: list[str] = []
@@ -189,7 +189,7 @@ def test_the_error_of_a_refitted_file_names_its_simulation(monkeypatch, tmp_path
     reference = SimpleNamespace(
         own=(), bare_rad=0.0944, chosen_model=lambda model: (model, ()), replayed=lambda swings: Replayed(0.05, 0.5, {})
     )
-    for name, value in {"_yardstick": reference, "fitted_for": {"urdf": refitted}, "write_export": ""}.items():
+    for name, value in {"_reference_or_none": reference, "fitted_for": {"urdf": refitted}, "write_export": ""}.items():
         monkeypatch.setattr(f"dpr_lab.report.saving.{name}", lambda *arguments, value=value: value)
     monkeypatch.setattr("dpr_lab.report.saving.FORMATS", {"urdf": form})
     messages: list[str] = []
@@ -236,6 +236,6 @@ def test_the_error_of_a_run_is_that_of_all_its_swings(paper: Rig) -> None:
         for error, run in of_runs.items()
     ]
     model = model_of(paper, {})
-    reference = Yardstick(paper, (), model, model, tuple(swings), tuple(swings))
+    reference = ExportReference(paper, (), model, model, tuple(swings), tuple(swings))
     by_run = reference.replayed(swings).by_run
     assert by_run == pytest.approx({"first": (0.5 * (0.3**2 + 0.4**2)) ** 0.5, "second": 0.1})

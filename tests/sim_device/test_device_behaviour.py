@@ -25,6 +25,7 @@ from sim_device.faults import FAULTS, Faults, parse_faults
 from sim_device.plant.config import load_plant
 from sim_device.plant.operator import placement, release_speed
 from sim_device.plant.plant import Plant
+from tests.plant_motion import motion
 
 NOISE_COUNTS = 0.5
 FAR = 6 * NOISE_COUNTS + 0.5
@@ -46,7 +47,7 @@ def true_positions(rig, t: np.ndarray, pose: int, release: int = 1, seed: int = 
     config = load_plant("paper", seed)
     start = placement(config.hand, list(rig.poses.values())[pose - 1], seed, release)
     omega = release_speed(config.hand, seed, release)
-    return rig.positions(Plant(config, rig).swing(start, omega, t)[:, :3])
+    return rig.positions(motion(Plant(config, rig), start, omega, t)[:, :3])
 
 
 @pytest.mark.parametrize("pose", [1, 2, 3])

@@ -16,7 +16,7 @@ from dpr_lab.rig import Rig, load_rig
 from dpr_lab.setup import Setup, Torques
 from sim_device.plant.arm_drive import arm_drive_of, replaying
 from sim_device.plant.config import ArmConfig, PlantConfig, load_plant
-from sim_device.plant.plant import Plant, hung
+from sim_device.plant.plant import Plant, mounted_rods
 from sim_device.plant.rods import SimulatedRods
 from sim_device.trials.offline_recorder import record
 from tests.arm_engine import Plant as OtherPlant
@@ -174,7 +174,7 @@ def test_the_tutorial_states_the_true_ratios_of_the_plant(rig: Rig) -> None:
     plant = load_plant("furuta")
     assert plant.arm_drive is not None
     arm = ArmParameters(plant.arm.J0, plant.arm.c0 + plant.arm_drive.back_emf, mode="free")
-    base, moving = mounted(hung(plant.Z, Setup("inner")), (rig.L0, rig.L1, rig.g), arm)
+    base, moving = mounted(mounted_rods(plant.Z, Setup("inner")), (rig.L0, rig.L1, rig.g), arm)
     e1, gain = base.e1 + base.e2, plant.arm_drive.torque_per_input
     truth = {"e1/a": e1, "A/a": moving.inertia, "c0/a": moving.friction, "kt/(R a)": gain, "c1/a": base.c1}
     a = base.a + base.b + 2 * base.d  # the missing rod is simulated in line with the mounted one

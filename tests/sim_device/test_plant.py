@@ -11,6 +11,7 @@ from sim_device.plant.plant import Plant, Swing
 from sim_device.plant.rods import SimulatedRods
 from sim_device.trials.parameters import drawn
 from tests.event_driven import Rods, swing
+from tests.plant_motion import motion
 from tests.thinned import thinned
 
 T = np.arange(2001) / 1000
@@ -62,19 +63,20 @@ def test_a_swing_is_read_forwards_only(paper):
 
 def test_the_arm_moves_when_free_and_not_when_clamped(paper):
     start = rods_at(0.1, 0.1)
-    clamped = Plant(load_plant("paper"), paper).swing(start, REST, T)
-    free = Plant(load_plant("arm"), paper).swing(start, REST, T)
+    clamped = motion(Plant(load_plant("paper"), paper), start, REST, T)
+    free = motion(Plant(load_plant("arm"), paper), start, REST, T)
     assert (clamped[:, [0, 3]] == 0).all()
     assert 1e-3 < np.abs(free[:, 0]).max() < 0.1
 
 
 def test_a_stiffer_arm_swings_more_like_a_clamped_one(paper):
     config, start = load_plant("arm"), rods_at(np.pi, 0.1)
-    clamped = Plant(config.model_copy(update={"arm": ArmConfig()}), paper).swing(start, REST, T)
+    clamped = motion(Plant(config.model_copy(update={"arm": ArmConfig()}), paper), start, REST, T)
 
     def away(k0: float) -> float:
         arm = config.arm.model_copy(update={"k0": k0})
-        return np.abs(Plant(config.model_copy(update={"arm": arm}), paper).swing(start, REST, T) - clamped)[:, :3].max()
+        moved = motion(Plant(config.model_copy(update={"arm": arm}), paper), start, REST, T)
+        return np.abs(moved - clamped)[:, :3].max()
 
     assert away(4e4) < 0.1 * away(400.0)
 

@@ -15,6 +15,7 @@ from sim_device.plant.config import load_plant
 from sim_device.plant.hidden import plant_of
 from sim_device.plant.plant import Plant, Swing
 from sim_device.plant.rods import SimulatedRods
+from tests.plant_motion import motion
 
 RIG = load_rig("paper")
 CONFIG = load_plant("paper")
@@ -52,7 +53,7 @@ def test_readings_of_a_plant_agree_with_the_prediction_of_dpr_lab(name):
     params = effect_params(effects)
     t = PAD + np.arange(0, 1000, 5) / 1000
     plant = plant_with(effects)
-    states = plant.swing(POSE, REST, np.array([0.0, plant.pace * t[100] - PAD]))[-1]
+    states = motion(plant, POSE, REST, np.array([0.0, plant.pace * t[100] - PAD]))[-1]
     swing = segments([t[:100], t[100:]], [0, 0], step=1e-3)
     expected = predict(BASE, params, CONSTANTS, swing, [[*POSE[1:], 0.0, 0.0], states[[1, 2, 4, 5]]], arm=True)
     result = encoder_angles(shown(effects))[20:1020:5]
@@ -98,7 +99,7 @@ def test_blocks_join_without_a_seam():
     effects = {**typical("hysteresis_joint2"), **typical("friction_drift_joint1"), **typical("base_vibration")}
     plant = plant_with(effects)
     theta = Swing(plant, POSE, REST, 1000.0).theta(0, 2500)
-    whole = plant.swing(POSE, REST, np.arange(2500) / 1000)
+    whole = motion(plant, POSE, REST, np.arange(2500) / 1000)
     np.testing.assert_allclose(theta, whole[:, :3], atol=1e-9)
 
 

@@ -130,7 +130,7 @@ def drawn_values(component: PosteriorComponent, rng: np.random.Generator, tries:
     steps = rng.standard_normal((tries, len(mean))) @ square_root(component.predictive).T
     allowed = (mean + steps >= 0.0) | ~positive
     step = steps[int(np.argmax(allowed.all(axis=1)))]
-    return signed(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
+    return with_permitted_signs(values | dict(zip(component.free, (mean + step).tolist(), strict=True)))
 
 
 @cache
@@ -163,7 +163,7 @@ def square_root(covariance: Array) -> Array:
     return scale[:, None] * vectors * np.sqrt(np.maximum(eigen, 0.0))
 
 
-def signed(values: Mapping[str, float]) -> dict[str, float]:
+def with_permitted_signs(values: Mapping[str, float]) -> dict[str, float]:
     """Replace negative values of quantities that cannot be negative by zero."""
     return {name: max(value, 0.0) if name in _positive() else value for name, value in values.items()}
 
