@@ -126,8 +126,8 @@ def notes(model: AnyModel, corrected: Bodies, lost: Mapping[str, str]) -> list[s
 def arm_of(model: Model, rig: Rig) -> Arm | None:
     """Return the compliant arm that an effect describes.
 
-    The result is None if there is no such effect, or if the mass of the arm is smaller than that of the rods at its
-    tip.
+    The result is None without such an effect, or if the inertia of the effect does not exceed that of the rods at the
+    end of the arm.
     """
     params = effect_params(known_effects(model.effects))
     held = arm_model(constants_of(model, rig), HELD_ARM, params.tolist(), active_effects(params))

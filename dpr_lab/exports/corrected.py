@@ -267,7 +267,7 @@ def corrected_arm_model(
     runs: Sequence[Run],
     rig: Rig,
 ) -> MovingArmModel:
-    """Build the corrected model for `model.json`, with its effects in the table `effects`.
+    """Build the corrected model of a diagnosis with a free or driven arm.
 
     Args:
         diagnosis: ratios with their intervals

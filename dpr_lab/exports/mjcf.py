@@ -163,7 +163,7 @@ class EngineFile:
     upright: tuple[float, float] = (0.0, 0.0)
     """theta1 and theta2 - theta1 at the zero of the joints of the file, rad."""
     sign: tuple[float, float] = (1.0, 1.0)
-    """Sign of each joint: -1 if it turns against theta."""
+    """Sign of each joint: -1 if its angle decreases while theta increases."""
     gravity: float | None = None
     """Gravity for a file that contains none, m/s^2; None otherwise."""
 

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 _NO_XML = re.compile(r"[^\t\n\r\x20-\uD7FF\uE000-\uFFFD\U00010000-\U0010FFFF]")
 """Pattern of characters that XML 1.0 cannot contain, even escaped."""
 _IN_ATTRIBUTES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
-"""Further characters that are escaped. In an attribute, a quotation mark is its end, and the others become blanks."""
+"""Further characters that are escaped. In an attribute, a parser would end the text at a quotation mark, and replace
+the other characters by blanks."""
 
 
 def rendered(template: str, **values: Any) -> str:

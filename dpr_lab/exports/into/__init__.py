@@ -145,7 +145,7 @@ def _moves(chain: ModelChain, longer: float, of_arm: Target | None) -> list[tupl
 def _edited(
     editor: Editor, text: bytes, changes: list[ChangedAttribute], step: Callable[..., None], *arguments: object
 ) -> bytes:
-    """Apply one step of the editor to a text, and collect its changes."""
+    """Apply one step of the editor to a text, add the changed attributes to `changes`, and return the new text."""
     edit = XmlEdit(text, str(editor.path))
     step(edit, *arguments)
     changes += edit.changes

@@ -18,7 +18,7 @@ ATTRIBUTES = {"friction": "frictionloss", "rest": "springref"}
 
 
 class MjcfEditor:
-    """Editor of MJCF files; the frames are those of the content that was read last."""
+    """Editor of MJCF files. Positions are converted with the frames of the content that `read` has compiled last."""
 
     name = "MJCF"
     words = frozenset({"friction", "stiffness", "rest_angle", "armature", "offset", "added_length", "gear"})
@@ -34,7 +34,7 @@ class MjcfEditor:
         return self._compiled.simulator_model()
 
     def move_joint(self, edit: XmlEdit, joints: tuple[str, str], shift: Vector) -> None:
-        """Shift the second joint by the position of its body.
+        """Shift the second joint by changing the position of its body.
 
         Raises:
             ConfigError: the second body is not a child of the first.
