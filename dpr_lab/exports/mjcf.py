@@ -238,7 +238,7 @@ def passive(
 def rest_friction(effects: Effects, rig: Rig) -> tuple[float, float, float]:
     """Return the (3,) Coulomb friction of arm and hanging joints at rest, N m.
 
-    Each value is the smaller friction of both directions of motion.
+    Each value is the smaller of the frictions in both directions of motion.
     """
     constants = rig_constants(rig)
     params = effect_params(known_effects(effects))

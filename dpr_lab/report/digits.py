@@ -51,13 +51,16 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def three(number: float) -> str:
-    """Format a number with three significant digits.
+    """Format a number with three significant digits, for example `0.310` or `7.68e-5`.
 
     Integers up to a million are written in full. A number that is not finite is written as a dash.
     """
     if not math.isfinite(number):
         return NONE
-    return f"{number:.0f}" if 100 <= abs(number) < 1e6 else f"{number:#.3g}".rstrip(".")
+    mantissa, power, exponent = f"{number:#.3g}".rstrip(".").partition("e")
+    if 100 <= abs(number) < 1e6:
+        return f"{number:.0f}"
+    return f"{mantissa}e{int(exponent)}" if power else mantissa
 
 
 def pair(numbers: Iterable[float]) -> str:

@@ -9,32 +9,33 @@ POINTS = 2400
 """Maximum number of points per line; about four per pixel column of a panel."""
 
 
-def trace(t: Array, y: Array) -> tuple[Array, Array]:
+def trace(t: Array, y: Array, points: int = POINTS) -> tuple[Array, Array]:
     """Reduce a record for drawing, and mark interruptions by NaN.
 
-    A record with more than `POINTS` samples is divided into `POINTS` / 2 blocks of equal length. The smallest and the
+    A record with more than `points` samples is divided into `points` / 2 blocks of equal length. The smallest and the
     largest sample of each block are kept with their times, so that no peak is lost.
 
     Args:
         t: (n,) increasing times, s
         y: (n,) values; missing values are NaN
+        points: approximate maximum number of points
 
     Returns:
-        Instants and values to draw. They equal the input if n <= `POINTS` and no sample is missing.
+        Instants and values to draw. They equal the input if n <= `points` and no sample is missing.
     """
-    points_kept = _extremes(y)
+    points_kept = _extremes(y, points)
     breaks = _interruptions(t)
     middle = (t[breaks] + t[breaks + 1]) / 2
     positions = np.searchsorted(points_kept, breaks, side="right")
     return np.insert(t[points_kept], positions, middle), np.insert(y[points_kept], positions, np.nan)
 
 
-def _extremes(y: Array) -> NDArray[np.intp]:
+def _extremes(y: Array, points: int) -> NDArray[np.intp]:
     """Return the indices of the first and last sample, and of the smallest and largest sample of each block."""
     n = len(y)
-    if n <= POINTS:
+    if n <= points:
         return np.arange(n)
-    width = -(-n // (POINTS // 2))
+    width = -(-n // (points // 2))
     padded = np.pad(y, (0, -n % width), constant_values=np.nan).reshape(-1, width)
     first = np.arange(len(padded)) * width
     missing = np.isnan(padded)

@@ -86,7 +86,7 @@ def is_sample(frame: Frame) -> bool:
 
 @dataclass(slots=True)
 class Counters:
-    """Numbers of samples since STREAM, for STATUS."""
+    """Numbers of samples since the last message STREAM, for the message STATUS."""
 
     taken: int = 0
     overruns: int = 0

@@ -269,7 +269,7 @@ class Plant:
         return self.with_joint2(angles[:, [2, 0]], angles[:, 1])
 
     def reveal(self) -> dict[str, dict[str, object]]:
-        """Return the truth about the plant, for comparison with an identification."""
+        """Return the true parameters, ratios and effects of the plant."""
         _, L1, g = self._frame
         true_ratios = ratios(base_parameters(self.config.Z, L1, g))
         return {

@@ -60,7 +60,16 @@ def test_no_power_of_ten_of_zero_or_of_ten_and_more(numbers, text):
 
 
 @pytest.mark.parametrize(
-    ("number", "text"), [(0.31, "0.310"), (1.0, "1.00"), (99.99, "100"), (48210.4, "48210"), (float("nan"), "–")]
+    ("number", "text"),
+    [
+        (0.31, "0.310"),
+        (1.0, "1.00"),
+        (99.99, "100"),
+        (48210.4, "48210"),
+        (7.68e-5, "7.68e-5"),  # as in intervals
+        (-1.2e7, "-1.20e7"),
+        (float("nan"), "–"),
+    ],
 )
 def test_three_digits(number, text):
     assert three(number) == text

@@ -13,7 +13,7 @@ from dpr_lab.report.gap.next_steps import next_steps
 from dpr_lab.report.gap.section import evidence_blocks
 from dpr_lab.report.gap.sections import SECTIONS
 from dpr_lab.report.gap.sections.closing import CLOSING
-from dpr_lab.report.gap.sizes import assumed, scale_note
+from dpr_lab.report.gap.sizes import IN_MODELS, assumed, scale_note
 from dpr_lab.report.gap.summary import budget_bar, repeatability_bar, repeatability_sentences, summary_note
 from dpr_lab.report.gap.trials_of_search import trial_table
 from dpr_lab.report.pages.page import Block, Heading, Items, PageTable, Section, page_html, pictures, write_page
@@ -40,6 +40,7 @@ _MAPS = (
     " The maps only indicate where a cause may act: a sensor error can resemble a torque, and one cause can appear in"
     " several maps. The result of the diagnosis is the list of named effects."
 )
+_MODELS = "The exported models omit amplitudes that are not distinguishable from zero, which changes other sizes."
 _FAULTS = (
     "Faults of the readings that were detected before the fit. Outliers and repeated samples were excluded from all"
     " fits. diagnosis.json lists every fault."
@@ -133,7 +134,8 @@ def _effects(diagnosis: Diagnosis) -> Iterator[Block]:
     if not diagnosis.effects:
         yield "No effect is named."
     effects = tables.effect_table(diagnosis)
-    yield replace(effects, caption=f"{effects.caption} {scale_note(diagnosis)}".strip())
+    of_models = _MODELS if any(IN_MODELS in row[-1] for row in effects.rows) else ""
+    yield replace(effects, caption=" ".join(filter(None, (effects.caption, of_models, scale_note(diagnosis)))))
     yield tables.standing_table(diagnosis)
 
 

@@ -16,6 +16,9 @@ from dpr_lab.report.words import negative_words, parameter_words, size_words
 RUN = "run"
 """Name of a parameter that is not a size but the index of a recording. The recommended action names this recording."""
 
+IN_MODELS = "in the exported models"
+"""Words before the sizes that the exported models contain instead of the fitted sizes."""
+
 
 def only_ratios(diagnosis: Diagnosis) -> bool:
     """Check whether only ratios to the inertia b are identified, so that only prior bounds determine the scale."""
@@ -79,7 +82,7 @@ def _in_models(diagnosis: Diagnosis, effect: str, angles: AngleUnit) -> str:
         for sizes in (diagnosis.model_effects, significant_values(diagnosis)[1])
     )
     changed = [f"{parameter_words(effect, name)} {size}" for name, size in exported.items() if fitted.get(name) != size]
-    return f"in the exported models: {', '.join(changed)}" if changed else ""
+    return f"{IN_MODELS}: {', '.join(changed)}" if changed else ""
 
 
 def true_sizes_cell(diagnosis: Diagnosis, effect: str, sizes: Mapping[str, float]) -> str:

@@ -25,7 +25,6 @@ EFFECT_NOTE = (
     "Unique contribution: share of the excess chi-square that returns when this effect is removed and the"
     " others are refitted. The excess is proportional to the square of the gap. Effects can partly replace"
     " each other, so the shares need not add up to 100 %. Indistinguishable effects share one probability."
-    " The exported models omit amplitudes that are not distinguishable from zero, which changes other sizes."
 )
 COMMON_NOTE = "The effects are added one at a time. The share is cumulative, and the sizes are those of the last fit."
 STEP_NOTE = (
