@@ -17,12 +17,20 @@ SIM = "sim://?seed=1"
 SECOND = CaptureOptions(duration=1.0, pose_timeout=600.0, rest_timeout=60.0)
 
 
+async def connected(pilot: Pilot[None], until) -> None:
+    """Wait for the first handshake. If it fails, the test fails at once with the reason, and not after minutes."""
+    app = pilot.app
+    assert isinstance(app, DprApp)
+    await until(pilot, lambda: app.device.connected or app.device.message)
+    assert app.device.connected, app.device.message
+
+
 async def connect(pilot: Pilot[None], until, url: str, options: CaptureOptions = SECOND) -> CaptureStep:
     app = pilot.app
     assert isinstance(app, DprApp)
     app.workspace.link = url
     await app.services.connect()
-    await until(pilot, lambda: app.device.connected)
+    await connected(pilot, until)
     await pilot.press("3")
     step = app.query_one(CaptureStep)
     step.options = options

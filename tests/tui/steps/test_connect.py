@@ -10,6 +10,7 @@ from dpr_lab.tui.app import DprApp
 from dpr_lab.tui.recorder.messages import Connected, Exercised
 from dpr_lab.tui.widgets.dialogs import Question
 from firmware_protocol.identity import DeviceInfo
+from tests.tui.steps.releases import connected
 
 SIMULATED_TIME = DeviceInfo("1.0.0", "000051d000000001", (16384, 16384, 16384), 4000, 1000, simulated_time=True)
 
@@ -31,7 +32,7 @@ async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: D
         links = app.query_one("#links", OptionList)
         assert links.get_option("sim://?plant=paper&seed=1")
         await pilot.press("end", "c")  # what is under the cursor, not what the field was left with
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         assert app.focused is links  # the arrows choose another
         await until(pilot, lambda: "angles" in shown(app, "#device"))
         result = " ".join(shown(app, "#device").split())  # its rows are wrapped
@@ -46,7 +47,7 @@ async def test_links_are_listed_and_the_one_under_the_cursor_is_connected(app: D
 async def test_link_test_counts_samples_and_fits_the_clock(app: DprApp, until, rig) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, rig())
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         await pilot.press("l")
         await until(pilot, lambda: "clock " in shown(app, "#device"))
         result = shown(app, "#device")
@@ -69,7 +70,8 @@ async def test_a_connection_in_progress_is_named_and_can_be_cancelled(app: DprAp
     ours, theirs = os.openpty()  # nobody answers
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, f"serial://{os.ttyname(theirs)}?baud=921600")
-        await until(pilot, lambda: app.device.opening)
+        await until(pilot, lambda: app.device.opening or app.device.message)
+        assert app.device.opening, app.device.message
         await pilot.press("l")
         assert "The connection is not complete: wait, or cancel it with z" in notices_text(app)
         await pilot.press("z")
@@ -106,7 +108,7 @@ async def test_a_device_that_goes_away_while_idle_is_noticed(app: DprApp, until,
     port = cable()
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, port.url)
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         port.pull()
         await until(pilot, lambda: app.device.connected is None)
         await until(pilot, lambda: "ttyRIG" in notices_text(app))
@@ -123,7 +125,7 @@ async def test_another_rig_greets_the_device_again(app: DprApp, until, tmp_path:
     other.write_text(text.replace("[16384, 16384, 16384]", "[4096, 4096, 4096]"))
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, rig(clock="fast"))
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         await pilot.press("2")
         app.query_one("#rig_file", Input).value = str(other)
         await pilot.press("u")
@@ -137,7 +139,7 @@ async def test_the_simulator_replaces_a_rig_only_after_confirmation(app: DprApp,
     url = rig()
     async with app.run_test(size=(80, 24)) as pilot:
         await connect(pilot, url)
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         assert "SIMULATED" not in shown(app, "#status")
         await pilot.press("m")
         await until(pilot, lambda: isinstance(app.screen, Question))

@@ -23,6 +23,7 @@ from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.workspace import Workspace
 from dpr_lab.workflows.planned_rigs import planned_rigs
 from tests.tui.conftest import Watched
+from tests.tui.steps.releases import connected
 
 SHORT = "[recording]\nshortest_s = 2.0\nlongest_s = 2.0\n"
 
@@ -179,7 +180,7 @@ async def test_the_taken_release_is_recorded_only_by_the_release_key(until, tmp_
     app = DprApp(bench, tmp_path / "state", steps=(CaptureStep, PlanStep), sight=Watched())
     async with app.run_test(size=(100, 30)) as pilot:
         await app.services.connect()
-        await until(pilot, lambda: app.device.connected)
+        await connected(pilot, until)
         await pilot.press("2")
         await planned(pilot, until, tmp_path, SHORT, "40s")
         await pilot.press("A")
