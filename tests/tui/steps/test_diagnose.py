@@ -64,7 +64,8 @@ async def test_from_runs_to_a_saved_diagnosis(lab, until, recorded: list[Path], 
         assert set(saved["gap"]["closed_held_out"]["held_out"]) == {recorded[2].stem}
         assert all(Path(file).is_file() for file in saved["files"].values())
         assert (folder / "diagnosis.html").is_file()
-        assert (folder / "where.png").read_bytes().startswith(b"\x89PNG")
+        assert (folder / "gap_horizon.png").read_bytes().startswith(b"\x89PNG")
+        assert (folder / "where.png").exists() == bool(saved["where"])
         assert load_diagnosis(pilot.app.workspace.diagnosis).verdict == saved["verdict"]
         assert step(pilot.app).outcome() in (saved["verdict"].replace("_", " "), "1 effect named")
         diagnosis = load_diagnosis(pilot.app.workspace.diagnosis)
