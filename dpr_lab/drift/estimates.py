@@ -127,8 +127,7 @@ def _estimate(
     _, problem, bare = fit_bare_model(Recordings((record(run, rig),), rig), start)
     fitted = bare.fit
     if effects:
-        params = effect_params({name: dict(values) for name, values in effects.items()})
-        estimate = fitted.estimate.changed(params=params)
+        estimate = fitted.estimate.changed(params=effect_params(effects))
         fitted = fit(problem, estimate, free_parameters(estimate, tuple(effects), problem))
     if not np.isfinite(fitted.chi2):
         raise RunError(f"{run.file or run.name}: the model cannot follow this run. Omit it")

@@ -47,7 +47,9 @@ AXIS_TILT_JOINT0 = Effect(
         " simulator"
     ),
     quantities=(
-        BenchQuantity("tilt of the arm's axis", "sqrt(x^2 + y^2)", ("along_rad", "across_rad"), "from the vertical"),
+        BenchQuantity(
+            "tilt of the arm's axis", "sqrt(x^2 + y^2)", ("along_rad", "across_rad"), "angle to the vertical"
+        ),
     ),
     symptom="Without an input the arm drifts from any initial angle to the same angle, at which the rods are lowest.",
     bench_check=(

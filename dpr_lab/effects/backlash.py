@@ -153,7 +153,7 @@ BACKLASH_JOINT0 = Effect(
     longest_step=_longest_step,
     hides_step=_hidden,
     remedy=_tightened,
-    quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="as an angle of the arm"),),
+    quantities=(BenchQuantity("backlash of the gear", "x", ("play_rad",), definition="angle of the arm"),),
     symptom=(
         "After each reversal of the motor, the encoder at the motor moves first; the arm follows later, with a small"
         " impact."

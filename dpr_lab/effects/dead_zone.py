@@ -24,7 +24,7 @@ DEAD_ZONE_JOINT0 = Effect(
     kernel=missing_torque,
     joints=(ARM,),
     twins=("coulomb_joint0",),
-    quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="as a torque on the arm"),),
+    quantities=(BenchQuantity("half width of the dead zone", "x", ("width_Nm",), definition="torque on the arm"),),
     symptom="The arm does not respond to inputs below a threshold; each reversal of the input causes a short pause.",
     bench_check=(
         "Measure the motor's current while the command rises slowly from zero: the command at which the"

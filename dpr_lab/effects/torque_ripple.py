@@ -31,7 +31,7 @@ TORQUE_RIPPLE = pair(
     site="drive",
     stage="drive",
     quantities=(
-        BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="as a share of the torque"),
+        BenchQuantity("peak torque ripple", "A", ("cos_share", "sin_share"), definition="share of the torque"),
     ),
     symptom=(
         "Under a constant torque the acceleration varies periodically with the angle of joint {j}; without torque it"

@@ -85,16 +85,15 @@ class PlantRequest:
     """Mode of the arm; None: the mode of the rig file."""
 
 
-def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[str, Any]:
+def seal(request: PlantRequest, folder: Path) -> dict[str, Any]:
     """Draw and seal a plant in a folder of the simulated device.
 
     Args:
         request: the requested plant
         folder: folder that the device creates
-        direct: whether the device also records the plant, without a link
 
     Returns:
-        `seal`; `rig`, the text of the plant's rig file; `runs` if the plant is recorded
+        `seal`, and `rig`, the text of the rig file of the plant
 
     Raises:
         ConfigError: rig or plant is unknown, or the folder already exists.
@@ -102,7 +101,7 @@ def seal(request: PlantRequest, folder: Path, *, direct: bool = False) -> dict[s
     from dpr_lab.kernel_cache import compiling_simulator  # this import hashes every kernel source
 
     compiling_simulator()
-    return ask(*_words(request), "--rig", request.rig, "--seal", str(folder), *(["--direct"] if direct else []))
+    return ask(*_words(request), "--rig", request.rig, "--seal", str(folder))
 
 
 def _words(request: PlantRequest) -> list[str]:
@@ -116,7 +115,7 @@ class HeldPlant:
     """A sealed plant whose truth exists only in the memory of the device process."""
 
     public: dict[str, Any]
-    """Public data of the plant, as `seal` returns them."""
+    """Public data: `seal`; `rig`, the text of the rig file of the plant; `runs` if the device recorded it."""
     _ask: Callable[[str], dict[str, Any]]
 
     def record(self, release: dict[str, Any]) -> dict[str, Any]:

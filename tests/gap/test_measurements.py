@@ -171,6 +171,8 @@ def test_a_result_has_the_unit_of_the_expected_result() -> None:
     assert diagnosis.checks[0].measurand.label.endswith("(S), in mN m")
     for effect in EFFECTS.values():
         quantity = Quantity.of(effect.name, effect.amplitudes[0].name)
+        _, of_joint, joint = effect.name.rpartition("_joint")
+        assert not of_joint or quantity.name.endswith(f", joint {joint}")
         if quantity.unit in UNITS:
             assert read_quantity(quantity.shown(0.002), quantity.unit, "") == pytest.approx(0.002), effect.name
 

@@ -149,7 +149,7 @@ def _in_noise(ratio: float) -> str:
 
 
 def _rounded(value: float) -> str:
-    """Return a number with two significant digits and no exponent."""
+    """Return a number with two significant digits, without an exponent up to 10^6."""
     return f"{float(f'{value:.2g}'):g}"
 
 

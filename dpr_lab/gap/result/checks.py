@@ -62,7 +62,7 @@ class Quantity(Saved):
         unit = next(p.unit for p in EFFECTS[effect].amplitudes if p.name == parameter)
         (*_, joint) = effect.rpartition("_joint")
         return cls(
-            name=f"{bench.words}, joint {joint}" if joint in ("1", "2") else bench.words,
+            name=f"{bench.words}, joint {joint}" if joint in ("0", "1", "2") else bench.words,
             unit=unit,
             symbol=bench.symbol,
             parameters=bench.parameters,
