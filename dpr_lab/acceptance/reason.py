@@ -39,5 +39,11 @@ WITHIN = "the limit lies within the interval"
 
 
 def within(further: str = "", remedy: str = "record more releases", effects: tuple[str, ...] = ()) -> Reason:
-    """Return the reason of a limit that lies within the interval."""
+    """Return the reason of a limit that is undecided because it lies within the interval.
+
+    Args:
+        further: continuation of the cause, with its punctuation
+        remedy: clause that states how the limit can be decided
+        effects: effects that the cause names
+    """
     return Reason(f"{WITHIN}{further}", remedy, "interval", effects)

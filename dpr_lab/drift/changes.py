@@ -140,7 +140,7 @@ class _Design:
 def changes(
     estimates: Estimates, group: Sequence[int], names: Sequence[str], settings: DriftSettings = SETTINGS, seed: int = 0
 ) -> Drift:
-    """Test which parameters changed significantly between groups.
+    """Determine which parameters changed significantly between groups.
 
     Args:
         estimates: estimates of each run, in chronological order

@@ -150,7 +150,7 @@ def test_a_value_of_another_quantity_is_questioned_where_the_one_to_measure_is_n
     ):
         update(limited, limited.checks[0], CheckAnswer(value=0.001, std=2e-4))
     assert check_table(limited).rows[0][3] == "below 1.06 mN m"
-    assert "assumes that all named effects act" in check_table(limited).caption
+    assert "provided that all named effects act" in check_table(limited).caption
     assert check_table(diagnosis).rows[0][3] == NONE
     assert '--value "... mN m" --std "... mN m" (measurement)' in how_to_record(limited, "d.json")  # no number to copy
     confirmed = CheckAnswer(value=0.0009, std=5e-5, confirmed=True)

@@ -78,7 +78,7 @@ def _read(check: AdvisedCheck, answer: CheckAnswer) -> tuple[float, float]:
 
 
 def _refuse_impossible(check: AdvisedCheck, value: float, std: float, largest: float) -> None:
-    """Check that a value and its standard uncertainty are possible for the measured quantity.
+    """Test whether a value and its standard uncertainty are possible for the measured quantity.
 
     Args:
         check: a measurement

@@ -24,8 +24,9 @@ states and the other values adapt to u, so their contribution is projected out o
 another parameter reaches its bound.
 
 The estimate is u = 0, so the second moment of u is used as its variance. The values that adapt to u receive the
-corresponding variance. For example, a slope of the friction curve and the viscous friction of a slow joint are hardly
-separable. A value that the other values absorb is also at its bound of zero and is treated in the same way.
+corresponding variance. An example is the viscous friction of a slow joint, which is hardly separable from a slope of
+the friction curve. A value that the other values absorb completely is at its bound of zero and is treated in the same
+way.
 
 c is the difference of two simulations along the direction of the joint change. A sum of columns would not be exact: the
 columns of nearly collinear parameters, each with its own error, do not cancel. The values are treated one at a time,

@@ -4,7 +4,7 @@ from dpr_lab.gap.result.saved import Saved
 
 
 class SearchStep(Saved):
-    """One trial of the search for a set of effects."""
+    """One trial of the search: a proposed set of effects, and whether it was accepted."""
 
     move: str
     """Name of the move: the kind of change that was tried."""

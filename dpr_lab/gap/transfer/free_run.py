@@ -105,7 +105,7 @@ class FreeSwing:
 
     @property
     def _normal(self) -> tuple[Array, Array]:
-        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian."""
+        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian; 6 instead of 4 with a moving arm."""
         A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, self.by_start.shape[2])
         slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
@@ -123,7 +123,7 @@ class FreeSwing:
 
 
 def _inverse(normal: Array) -> Array:
-    """Invert a (4, 4) normal matrix, or return its pseudoinverse if it is singular."""
+    """Return the pseudoinverse of a (4, 4) or (6, 6) normal matrix, computed with scaled columns."""
     scale = 1 / np.sqrt(np.maximum(np.diag(normal), np.finfo(np.float64).tiny))
     return scale[:, None] * np.linalg.pinv(normal * np.outer(scale, scale), hermitian=True) * scale
 
