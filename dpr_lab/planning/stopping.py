@@ -146,10 +146,11 @@ def by_prior(diagnosis: Diagnosis) -> str:
     classes = [effect for effect in diagnosis.effects if effect.only_by_prior]
     if not classes or not decided(diagnosis):
         return ""
-    excluded = listed([name for effect in classes for name in effect.only_by_prior])
-    causes = listed([effect.name for effect in classes])
+    excluded = [name for effect in classes for name in effect.only_by_prior]
+    them, causes = "it" if len(excluded) == 1 else "them", listed([effect.name for effect in classes])
     return (
-        f"These recordings cannot distinguish {excluded} from {causes}: only a small prior probability is against it."
+        f"Only a small prior probability excludes {listed(excluded)}, because these recordings cannot distinguish"
+        f" {them} from {causes}."
     )
 
 

@@ -243,9 +243,9 @@ def load_diagnosis(path: Path) -> Diagnosis:
     try:
         path = diagnosis_file(path)
         document = json.loads(read_text(path, RunError))
-        printed = ADDED_BY_COMMANDS if isinstance(document, dict) else ()
-        stored = {key: document[key] for key in document if key not in printed} if printed else document
-        diagnosis = Diagnosis.model_validate(stored)
+        if isinstance(document, dict):
+            document = {key: document[key] for key in document if key not in ADDED_BY_COMMANDS}
+        diagnosis = Diagnosis.model_validate(document)
     except ValidationError as error:
         fault = f"is not a diagnosis that this dpr-lab wrote: {first_fault(error)}"
         raise RunError(f"{path}: {fault}: give {RECORD}, which `diagnose --out` has written") from error

@@ -105,7 +105,7 @@ class FreeSwing:
 
     @property
     def _normal(self) -> tuple[Array, Array]:
-        """(4, 4) normal matrix of the initial state, and (rows, 4) weighted Jacobian; (6, 6), (rows, 6) if the arm moves."""
+        """Normal matrix (4, 4) of the initial state, and weighted Jacobian (rows, 4); 6 columns if the arm moves."""
         A = (self.weight[:, :, None] * self.by_start)[self.head].reshape(-1, self.by_start.shape[2])
         slow = np.diag(slow_starts(self.setup, A.shape[1]))
         return A.T @ A + slow.T @ slow, A
