@@ -34,8 +34,8 @@ class Reproduction:
     def best(self) -> SearchResult:
         """Search with the smallest angle error E from X1; the figures show it.
 
-        Only searches with the true values on the coding grid are considered. Their H is not compared, because its
-        interpretations differ.
+        Only searches with the true values on the coding grid are considered. H is not compared, because its
+        interpretation differs between the searches.
         """
         return min((f for f in self.results if f.case.grid == "on"), key=lambda f: f.E["angles"][0])
 

@@ -1,9 +1,9 @@
 """Classes of effects that are indistinguishable in these recordings, alternatives, and their probabilities.
 
-The signature of an effect is the change of the readings by it, with ratios and initial states projected out. Effects
-form one class if their signatures have a cosine of at least 0.999 and they fit equally well. Within a class, the
-probability is divided according to the criterion and the prior of each fitted size
-(`dpr_lab.gap.hypothesis.size_prior`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is
+The signature of an effect is the change of the readings that it causes, with ratios and initial states projected out.
+Effects form one class if their signatures have a cosine of at least 0.999 and they fit equally well. The members of a
+class share its probability in proportion to their odds, which depend on the criterion and on the prior of the fitted
+size (`dpr_lab.gap.hypothesis.size_prior`): a clock error of 3 % is impossible for a crystal, a length error of 6 % is
 possible.
 
 A richer form counts as the simpler form that it contains under two conditions: its additional amplitudes are excluded
@@ -173,7 +173,10 @@ def _in_one_class(replacements: _Replacements, score: Score, other: Score) -> bo
 
 
 def _undetectably_richer(selection: Selection, effect: Effect) -> tuple[str, ...]:
-    """Return the richer forms of an effect whose amplitudes are undetectable at a given fraction of its size."""
+    """Return the richer forms of an effect that these recordings do not distinguish from the effect.
+
+    All additional amplitudes of such a form are undetectable at the fraction `CALIBRATION.hidden` of the effect.
+    """
     params = selection.chosen.estimate.params
     return tuple(
         form.name

@@ -212,9 +212,9 @@ def _merged(parts: Iterable[ExcludedInterval]) -> list[ExcludedInterval]:
 
 
 def _one_disturbance(first: ExcludedInterval, later: ExcludedInterval) -> bool:
-    """Return whether two intervals, in order of time, belong to one disturbance.
+    """Return whether two intervals, in chronological order, belong to one disturbance.
 
-    Two single kicks after the release may be the ends of a push.
+    Two single kicks that follow each other closely may be the ends of a push.
     """
     if first.of_counts or later.of_counts:
         return False

@@ -173,7 +173,7 @@ class ShapeScan:
 
     @cached_property
     def _fitted(self) -> FittedColumns:
-        """Linearised fit, in the form that the scan uses."""
+        """Columns of the linearised fit, with their inner products."""
         return FittedColumns.of(self.fit.linear)
 
     def _gains(self, effect: Effect, candidates: list[Shape]) -> Array:

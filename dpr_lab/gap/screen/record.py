@@ -103,7 +103,7 @@ class Record:
 
     @property
     def readings(self) -> int:
-        """Number of trusted readings of all joints; an absent rod has none."""
+        """Number of trusted readings of all joints, without those of an absent rod."""
         return int(np.count_nonzero(np.isfinite(self.joints) & np.isfinite(self.sigma)))
 
     @property

@@ -206,7 +206,7 @@ def _timed(run: Run, rig: Rig) -> tuple[Run, Flags, list[SensorFinding]]:
 
 
 def _on_true_instants(run: Run, rig: Rig) -> tuple[Run, list[SensorFinding]]:
-    """Replace jittering time stamps by even times, or even time stamps by the times of uneven film frames.
+    """Replace jittering time stamps by even times, or even time stamps by the times of unevenly spaced frames.
 
     Returns:
         the run with the replaced time stamps, and the finding; no finding if the time stamps are kept

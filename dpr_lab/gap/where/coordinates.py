@@ -99,7 +99,7 @@ def time_hats(t: Array) -> tuple[Array, Array]:
 
 
 def encoder_angle(problem: Problem, joint: int) -> Array:
-    """Return the (samples,) reading of the encoder of a joint, measured from hanging, rad."""
+    """Return the (samples,) readings of the encoder of a joint as angles from hanging, rad."""
     turned = joint in (2, ARM) or (joint == 1 and problem.model.constants.relative2 == 1.0)
     return problem.measured[:, joint] - (0.0 if turned else math.pi)
 

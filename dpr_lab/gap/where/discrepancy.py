@@ -33,7 +33,7 @@ from dpr_lab.gap.where.coordinates import Coordinate, FreeFunctions, Kind, beyon
 
 @dataclass(frozen=True, slots=True)
 class DiscrepancyRules:
-    """Settings of the discrepancy term and of its description."""
+    """Settings of the discrepancy term, and of the sentence that describes it."""
 
     ridges: tuple[float, ...] = (100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
     """Tested ratios l of the noise variance to the prior variance, from a negligible term to a nearly free term."""
@@ -115,7 +115,7 @@ def discrepancy(problem: Problem, model: Hypothesis) -> Discrepancy | None:
 def discrepancy_columns(problem: Problem, fit: Fit) -> Array:
     """Return the (segments, m, q) whitened change of the readings by each hat function.
 
-    The columns of a group have a common scale.
+    The columns of each group of functions are scaled to a mean squared norm of one.
     """
     return _scaled(problem, fit, trajectory(problem, fit.estimate, spacing=TRAJECTORY.coarse_s))[1]
 

@@ -48,7 +48,7 @@ class ResidualMap:
     directions: Array
     """(k, d) values of the map for unit amplitudes."""
     amplitudes: Array
-    """(d, k) amplitudes of a map, for a value of one at each knot."""
+    """(d, k) amplitudes of the map that is one at a knot and zero at the others, for each knot."""
 
     @property
     def values(self) -> Array:

@@ -203,7 +203,7 @@ class FittedSets:
     def on_short(self) -> "FittedSets":
         """Return the collection for short segments, in which the readings depend more linearly on the effects.
 
-        At first it contains only the bare model. All copies of this collection share it.
+        At first, it contains only the bare model. Copies of `FittedSets` share one such collection.
         """
         if not self._short:
             cut, initial = self.recordings.cut(LENGTHS.first)

@@ -55,7 +55,8 @@ def _fitted_to_the_end(fitted_sets: FittedSets, current: Hypothesis, proposal: P
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
 REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, OWN_SHARE, CONVERGE)
-"""Moves after forward selection, in order; a replacement can make another effect unnecessary, so DROP occurs twice.
+"""Moves after forward selection, in order; DROP occurs twice, because a replacement can make another effect
+unnecessary.
 
 The last move of the search is `removals.HELD_OUT`, which `select` applies after the revisions.
 """

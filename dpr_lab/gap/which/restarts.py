@@ -46,7 +46,7 @@ def fitted_to_working_segments(fitted_sets: FittedSets, short: Hypothesis) -> Hy
 
 
 def _lengthened(fitted_sets: FittedSets, near: Fit, initial: Array, iterations: int) -> Fit:
-    """Continue a fit to short segments with the segments of this collection.
+    """Continue a fit to short segments with the segments of `fitted_sets`.
 
     `initial` contains the initial states of segments whose states the short segments do not determine.
     """
