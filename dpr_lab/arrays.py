@@ -39,9 +39,9 @@ def without_turns(angle: Angle) -> Angle:
 
 
 def correlation(first: Array, second: Array) -> float:
-    """Compute the correlation of two arrays about zero, without pairs that lack a value.
+    """Compute the correlation coefficient of two arrays without subtraction of their means.
 
-    The result is 0 if one of them is zero throughout.
+    Pairs with a value that is not finite are ignored. The result is 0 if one array contains only zeros.
     """
     known = np.isfinite(first) & np.isfinite(second)
     x, y = first[known], second[known]

@@ -113,7 +113,7 @@ class ChildProgram:
 
     @property
     def last_words(self) -> str:
-        """Last line of the program on stderr, or an empty text."""
+        """Last non-empty line that the program wrote to stderr; empty if there is none."""
         if not self._log.closed:
             self._log.seek(0)
             lines = [line.strip() for line in self._log.read().decode(errors="replace").split("\n")]
@@ -152,9 +152,9 @@ class ChildProgram:
         return self._process.returncode is not None
 
 
-def _insist(ways: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
+def _insist(methods: Sequence[Callable[[], None]], ended: Callable[[], bool]) -> None:
     """End a process by successively stronger methods, until one succeeds."""
-    for method in ways:
+    for method in methods:
         method()
         if ended():
             return

@@ -12,7 +12,7 @@
     +-- OutputError        a result cannot be written
     +-- RunError           a recording cannot be read or does not match the rig
     +-- IdentificationError  the identification ran but failed its own checks
-    +-- UnexpectedError    a plugin failed; the command reports a bug of its own with the same exit code
+    +-- UnexpectedError    a plugin failed; a bug of dpr-lab has the same exit code
 
 Each class defines the exit code of `dpr-lab`. Other failures are reported in other ways. An invalid argument raises a
 `ValueError`, a candidate of a search that cannot be simulated has the cost `inf`, and a bug violates an `assert`.

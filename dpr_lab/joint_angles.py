@@ -16,7 +16,7 @@ from dpr_lab.arrays import Array
 
 @dataclass(frozen=True, slots=True)
 class JointAngles:
-    """Linear map between rod angles and encoder angles, by the mounting of encoder 2."""
+    """Linear map between rod angles and encoder angles, which depends on the mounting of encoder 2."""
 
     relative2: bool
     """Whether encoder 2 measures theta2 - theta1; otherwise it measures theta2."""

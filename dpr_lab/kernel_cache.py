@@ -23,7 +23,11 @@ KERNEL_SOURCES = ("kernels.py", "effects", "dynamics", "estimation", "fitting")
 """Files and folders of this package that contain compiled functions."""
 
 KEPT = 4
-PRUNE_AFTER_S = 7 * 86400.0  # another process may still write to the cache folder of another version
+"""Number of cache folders that are never removed."""
+
+PRUNE_AFTER_S = 7 * 86400.0
+"""Time since its last use after which an older cache folder is removed, s. Another process may still use a folder of
+another version."""
 
 
 def source_hash(package: Path, sources: Iterable[str] = KERNEL_SOURCES) -> str:
@@ -67,10 +71,10 @@ def open_cache(root: Path, name: str) -> Path | None:
     folder = root / name
     try:
         root.mkdir(parents=True, exist_ok=True)
-        if _close(root) and folder.exists():
+        if _restrict(root) and folder.exists():
             shutil.rmtree(folder)
         folder.mkdir(mode=0o700, exist_ok=True)
-        if _close(folder):
+        if _restrict(folder):
             shutil.rmtree(folder)
             folder.mkdir(mode=0o700)
         with tempfile.TemporaryFile(dir=folder) as probe:
@@ -85,7 +89,7 @@ def open_cache(root: Path, name: str) -> Path | None:
     return folder
 
 
-def _close(folder: Path) -> bool:
+def _restrict(folder: Path) -> bool:
     """Restrict a folder to this user and return whether others could write to it.
 
     Raises:
@@ -139,6 +143,7 @@ COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
 """Message that is shown while kernels are compiled."""
 
 _SIMULATOR = "plant"
+"""Name of the file which states that the kernels of the simulated device are compiled."""
 
 
 def simulator_compiled() -> bool:

@@ -66,7 +66,7 @@ NO_ENCODER = {"nominal": 1e-6, "measured": 1e-6, "std": 1e-7}
 def _is_valid(parameter: Any) -> bool:
     """Return whether the table of a parameter is valid.
 
-    The fault of a wrong table is reported once, with the key in the file, so the table is not copied to the other rod.
+    A wrong table is not copied to the other rod, so that its fault is reported only once.
     """
     try:
         Parameter.model_validate(parameter)
@@ -118,7 +118,8 @@ class Rig(Shown, RigTable):
     `[encoders]`, `[poses.*]` and `[link]`.
 
     Optional tables: `[added_mass]` for a known attached mass, `[rods]` for a missing rod or a clamped elbow, `[joints]`
-    for geared motors, `[arm]` for an arm that is not clamped, and `[motor]` for the drive of the arm.
+    for geared motors or a prescribed inner rod, `[arm]` for an arm that is not clamped, and `[motor]` for the drive of
+    the arm.
     """
 
     rig: RigGeometry
@@ -134,7 +135,7 @@ class Rig(Shown, RigTable):
     rods: Rods = Rods()
     """Mounted rods, and mode of the elbow."""
     joints: Joints = Joints()
-    """Joints with geared motors."""
+    """Modes of the joints of the rods, and joints with geared motors."""
     arm: ArmTable = ArmTable()
     """Mode and constants of the arm."""
     motor: MotorTable | None = None

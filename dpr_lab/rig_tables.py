@@ -288,7 +288,7 @@ class RigGeometry(RigTable):
     """Measured and fixed quantities: lengths in m, gravity in m/s^2."""
 
     name: Name
-    """Name stored in runs and models; a run belongs to rig files with this name and the same encoders."""
+    """Name stored in runs and models. A run can be used only with a rig file of the same name and encoders."""
     L0: Length = 0.3
     """Length of the arm, m; it has no influence on a swing with a clamped arm."""
     L1: Length

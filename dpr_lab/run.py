@@ -87,7 +87,7 @@ class Run(Shown):
     """(n,) commanded input of the arm, if it is known in addition to the measured one in `arm_input`; otherwise
     None."""
     complete: bool = True
-    """Whether the file has its end; False for a recording that was cut or stopped, and for its recovered file."""
+    """Whether the recording was completed; False if it was interrupted or stopped, even if its file was recovered."""
     lost: Mapping[str, int] = field(default_factory=dict)
     """Number of samples lost, by cause (`LOSS_CAUSES`)."""
     clock: Mapping[str, float] = field(default_factory=dict)
@@ -165,7 +165,7 @@ class Run(Shown):
         return Setup(self.mounting, self.added_mass, round(self.elbow, 1), drives, self.arm, self.inner)
 
     def between_rows(self, torques: Torques) -> Torques:
-        """Interpolate torques between rows continuously, or hold each row."""
+        """Interpolate torques between rows if they are samples of a continuous signal; otherwise change nothing."""
         return torques.as_samples() if self.continuous and len(torques.t) > 1 else torques
 
     @property
@@ -216,25 +216,16 @@ class Run(Shown):
 
     def only(self, keep: Flags) -> Run:
         """Return a copy with only the samples of the mask `keep` (n,)."""
-        counts = None if self.counts is None else self.counts[keep]
-        torques = None if self.torques is None else self.torques[keep]
-        commanded = None if self.commanded is None else self.commanded[keep]
-        arm_input = None if self.arm_input is None else self.arm_input[keep]
-        commanded_input = None if self.commanded_input is None else self.commanded_input[keep]
-        return replace(
-            self,
-            t=self.t[keep],
-            theta=self.theta[keep],
-            counts=counts,
-            torques=torques,
-            commanded=commanded,
-            arm_input=arm_input,
-            commanded_input=commanded_input,
-        )
+        names = ("t", "theta", "counts", "torques", "commanded", "arm_input", "commanded_input")
+        return replace(self, **{name: rows[keep] for name in names if (rows := getattr(self, name)) is not None})
 
 
 def as_runs(runs: Run | Iterable[Run]) -> tuple[Run, ...]:
-    """Return one or several runs as a tuple; refuse file names."""
+    """Return one or several runs as a tuple.
+
+    Raises:
+        RunError: a file name is given instead of a run.
+    """
     as_given: tuple[Any, ...] = (runs,) if isinstance(runs, Run | str | Path) else tuple(runs)
     for run in as_given:
         if isinstance(run, str | Path):
@@ -357,7 +348,10 @@ def _turn(angles: Array) -> float:
 
 
 def clock_rates(clock: Mapping[str, float], sigmas: float = 5.0) -> dict[str, tuple[float, float]]:
-    """Return the clock rate error and its uncertainty, ppm, by each available method."""
+    """Return the clock rate error and its uncertainty, ppm, by each available method.
+
+    The uncertainty of the method `pong` is `sigmas` standard deviations, that of `arrival` is a bound.
+    """
     rates = {"pong": ("rate_ppm", "rate_ppm_std", sigmas), "arrival": ("arrival_ppm", "arrival_margin_ppm", 1.0)}
     return {
         name: (clock[rate], factor * clock[margin])

@@ -21,7 +21,8 @@ INTERRUPTED = 130
 
 
 REFUSED = (errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EIO, errno.EBADF)
-"""Error codes of a full disk, a broken pipe and a closed stream. Such errors are not bugs of this program."""
+"""Error codes of writes that fail although this program has no bug: closed output, full disk, missing permission, I/O
+error."""
 
 
 def main() -> None:
@@ -32,7 +33,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
-    atexit.register(_ignore_interrupts)  # not possible while the interpreter shuts down
+    atexit.register(_ignore_interrupts)  # later in the shutdown, signal handlers can no longer be changed
     try:
         # The matrices are small. Threads of the linear algebra library would slow down the computation, because the
         # parallel simulations already use all cores.
@@ -64,7 +65,7 @@ def main() -> None:
 
 
 def _end_with_bug(error: Exception) -> NoReturn:
-    """Print the traceback of a bug and exit; with `--json` the message is an object, as for any other error."""
+    """Print the traceback and a message about a bug, and exit with the code of `UnexpectedError`."""
     traceback.print_exc()
     _end(f"unexpected error, a bug of dpr-lab: {type(error).__name__}: {error}", UnexpectedError.exit_code)
 
@@ -157,7 +158,7 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
 class Interrupt(KeyboardInterrupt):
     """Exception raised by Ctrl-C and SIGTERM.
 
-    If a library suppresses the exception, for example in a callback of the compiler, it is raised again in the main
+    A library may suppress the exception, for example in a callback of the compiler. It is then raised again in the main
     thread.
     """
 
@@ -168,7 +169,7 @@ class Interrupt(KeyboardInterrupt):
     """Whether `main` has received the interrupt."""
 
     def __del__(self) -> None:
-        if not (Interrupt.heard or sys.is_finalizing()):  # at the end a thread cannot start, and would be waited for
+        if not (Interrupt.heard or sys.is_finalizing()):  # during the shutdown no thread can start
             timer = threading.Timer(0.05, _interrupt_main_thread)  # an immediate timer would fire inside this handler
             timer.daemon = True
             timer.start()
@@ -181,7 +182,7 @@ def _say_unraisable(
 ) -> None:
     """Report an exception that cannot be raised, except an interrupt.
 
-    The defaults still exist at the end of the interpreter, which sets the names of this module to None.
+    The parameters have defaults because the interpreter sets the names of this module to None during its shutdown.
     """
     if not issubclass(unraisable.exc_type, ignored):
         hook(unraisable)
@@ -203,7 +204,7 @@ def _interrupt(signum: int, frame: object) -> None:
 def _open_streams() -> None:
     """Connect closed standard streams to the null device.
 
-    Characters without an encoding are escaped.
+    Characters that the encoding of an output stream does not contain are escaped.
     """
     for fd, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:

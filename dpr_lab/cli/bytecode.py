@@ -33,10 +33,7 @@ def keep_bytecode() -> None:
 
 
 def _has_bytecode(package: str) -> bool:
-    """Return whether the bytecode of a package exists or can be written.
-
-    The bytecode is next to the source.
-    """
+    """Return whether the bytecode of a package exists next to its source, or can be written there."""
     module = importlib.util.find_spec(package)
     if module is None or module.origin is None:
         return True

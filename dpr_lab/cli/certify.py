@@ -165,13 +165,13 @@ def _tolerance(within: float) -> str:
 
 
 def _cell(value: Any) -> str:
-    """Return the text of a value.
+    """Format a certified value for a table.
 
-    Equal entries of a list, such as the outliers of one recording, are combined with their number.
+    Equal entries of a list, such as several outliers in one recording, are printed once with their count.
     """
     from dpr_lab.report.gap.summary import BASIS
 
-    words = BASIS | {"held-out runs": "held-out runs or pieces of a run"}  # the claim does not distinguish them
+    words = BASIS | {"held-out runs": "held-out runs or pieces of a run"}  # a claim does not distinguish these two
     if not isinstance(value, str):
         return "" if value is None else f"{value:.5g}"
     counts = Counter(words.get(value, value).split(", "))

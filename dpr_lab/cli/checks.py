@@ -38,12 +38,13 @@ def require_runs(torque: str | None, runs: Iterable[Path] | None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """Names that an option accepts, alone or separated by commas.
+    """Names that an option accepts: one name, or several separated by commas.
 
-    Their table is imported only when it is needed. Locations are written as `module:name`.
+    The table of the names is imported when it is first used. Locations are written as `module:name`.
     """
 
     what: str
+    """Noun for one of the names in error messages, for example `effect`."""
     table: str
     """Location of the table of the names."""
     words: str = "builtins:str"
@@ -107,14 +108,15 @@ class Choices:
 
 
 def names_in(text: str | None) -> tuple[str, ...] | None:
-    """Return the names in a text that is separated by commas, or None for None."""
+    """Split a text at its commas and return the names; return None for None."""
     return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def complete_rig(incomplete: str) -> list[str]:
     """Return the completions of a rig option: built-in rigs, rig files and folders.
 
-    Shells end a single completion with a blank, so a single folder is completed together with its content.
+    A shell appends a blank if there is only one completion. A single folder is therefore returned together with the
+    completions of its content.
     """
     from dpr_lab.configs import built_in
 
@@ -129,9 +131,10 @@ def complete_rig(incomplete: str) -> list[str]:
 
 
 def complete_pose(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Return the completions of a pose of the rig that precedes it on the command line.
+    """Return the names of poses that start with a text.
 
-    Without a rig, those of the built-in rig `paper` are returned: `rig new` writes the same names.
+    The poses are those of the option --rig if it precedes the text on the command line. Otherwise they are those of the
+    built-in rig `paper`, because `rig new` writes poses with the same names.
     """
     from dpr_lab.errors import ConfigError
     from dpr_lab.rig import load_rig
@@ -179,7 +182,7 @@ HeldOut = Annotated[
     list[Path] | None, typer.Option(help="Held-out run: used to validate the diagnosis, not fitted; may be repeated.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-AnyJson = Annotated[bool, typer.Option("--json", help="JSON on stdout.")]
+AnyJson = Annotated[bool, typer.Option("--json", help="Print JSON on stdout.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers; the same seed gives the same result.")]
 AnyClock = Annotated[
     bool,

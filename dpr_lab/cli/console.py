@@ -46,7 +46,13 @@ def say(message: str) -> None:
 
 
 def folded(message: str, stream: TextIO, before: int = 0) -> str:
-    """Wrap a message at spaces to the width of the terminal."""
+    """Wrap a message at spaces to the width of the terminal; other streams get the unchanged message.
+
+    Args:
+        message: the message
+        stream: stream on which the message is printed
+        before: number of characters that precede the message in its first line
+    """
     if not stream.isatty():
         return message
     width = get_terminal_size().columns
@@ -84,13 +90,18 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], 
         console.print(escape(printable(note)), style="dim")
 
 
-def report_table(title: str, made: "PageTable", note: str | None = None) -> None:
+def report_table(title: str, shown: "PageTable", note: str | None = None) -> None:
     """Print a table of the report with its caption, or with another note."""
-    table(title, made.columns, made.rows, note=made.caption if note is None else note)
+    table(title, shown.columns, shown.rows, note=shown.caption if note is None else note)
 
 
 def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """Return column widths that break no word, or None if the terminal is too narrow."""
+    """Return the widths of the columns, in which no word is broken; None if the terminal is too narrow.
+
+    Args:
+        columns: header and cells of each column
+        room: available width for all columns, characters
+    """
     from rich.cells import cell_len
 
     widths = [max(cell_len(word) for cell in column for word in [*cell.split(), ""]) for column in columns]
@@ -145,7 +156,7 @@ class Bar(Protocol):
 
 
 def no_bar(done: float | None, text: str = "") -> None:
-    """Ignore the progress: this progress bar prints nothing."""
+    """Ignore the progress, because stderr is not a terminal."""
 
 
 @contextmanager

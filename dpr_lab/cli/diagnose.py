@@ -35,8 +35,8 @@ def diagnose(
         Path | None,
         typer.Option(
             help=(
-                "Your MJCF, URDF or SDFormat model. The diagnosis starts from its values and lists the changes"
-                " that it needs."
+                "Your MJCF, URDF or SDFormat model. The diagnosis starts from the values of the model and lists the"
+                " changes that the model needs."
             )
         ),
     ] = None,
@@ -74,7 +74,11 @@ def diagnose(
         ),
     ] = 0,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Print every step of the model search and the reason for its decision.")
+        bool,
+        typer.Option(
+            "--explain",
+            help="Print every set of effects that the model search tried, with the decision and its reason.",
+        ),
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Print all tables of the report, not only the main results.")
@@ -83,7 +87,7 @@ def diagnose(
 ) -> None:
     """Explain the gap between simulation and rig.
 
-    The result states location, causes, their probabilities, and the gap reduction on held-out data.
+    The result states where the gap acts, its causes with their probabilities, and the gap reduction on held-out data.
 
     Example: dpr-lab diagnose runs/*.mcap --rig paper --out out/diagnosis
 
@@ -125,12 +129,12 @@ def diagnose(
 
 
 def show(diagnosis: "Diagnosis", out: Path | None = None, *, verbose: bool = False) -> None:
-    """Print the main results, verdict first; `verbose` adds the other tables of the report.
+    """Print the main results of a diagnosis, the verdict first.
 
     Args:
         diagnosis: the result
         out: folder of the written files; None if no files were written
-        verbose: print all tables of the report
+        verbose: whether all tables of the report are printed
     """
     from dpr_lab.report.gap import findings, tables
     from dpr_lab.report.gap.sizes import scale_note
@@ -182,10 +186,7 @@ def _show_effects(diagnosis: "Diagnosis") -> None:
 
 
 def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6) -> None:
-    """Print the gap reduction of the `most` least reduced runs.
-
-    With `verbose`, all runs are printed.
-    """
+    """Print the gap reduction by run: the `most` smallest values or, with `verbose`, all values."""
     from dpr_lab.report.gap import tables
 
     closed, title = tables.closed_table(diagnosis), "Gap reduction by run"
@@ -196,7 +197,7 @@ def _show_gap_reduction(diagnosis: "Diagnosis", *, verbose: bool, most: int = 6)
 
 
 def _show_repeatability(diagnosis: "Diagnosis") -> None:
-    """Print the shares of the mean squared residual that the analysis of repeatability found."""
+    """Print the shares of the mean squared residual: explained, varying, reproducible, not reproducible, noise."""
     from dpr_lab.report.gap.summary import repeatability_parts, repeatability_sentences
 
     if parts := repeatability_parts(diagnosis):
@@ -268,7 +269,7 @@ def show_simulator(done: "SimulatorDiagnosis", out: Path | None) -> None:
 
 
 def show_search(diagnosis: "Diagnosis") -> None:
-    """Print all trials of the model search on stdout."""
+    """Print all sets of effects that the model search tried, with the decisions."""
     from dpr_lab.report.gap.trials_of_search import trial_table
 
     report_table("Model search", trial_table(diagnosis))

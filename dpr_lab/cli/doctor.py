@@ -32,7 +32,7 @@ class SystemCheck:
     group: str = ""
     """Group of the check. Checks of one group with equal state share a table row. Empty: the check has its own row."""
     exit_code: int = 1
-    """Exit code of the command if the check failed. The command uses the first code other than 1."""
+    """Exit code of the command if this check failed. If several checks failed, the first code other than 1 is used."""
 
     def to_json(self) -> dict[str, str]:
         """Return the check as an object of `doctor --json`."""

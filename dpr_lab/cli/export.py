@@ -219,7 +219,7 @@ def _show_into(name: str, done: "ExportedInto") -> None:
 
 
 def show_replays(name: str, replays: "Sequence[FileReplay]") -> None:
-    """Print the errors of the user's file before and after the change, for each recording."""
+    """Print the free-run errors of the user's file before and after the change, for each recording."""
     if replays:
         kinds = {"before": "before_rad", "after": "after_rad"}
         kinds |= {} if replays[0].passive_rad is None else {"with passive forces": "passive_rad"}
@@ -248,7 +248,7 @@ def _show(done: "ExportResult") -> None:
         rows = [[name, f"{1e3 * rms:.3g}", closed if done.has_effects else "–"] for name, rms, closed in errors]
         runs = ", ".join(done.lab.by_run)
         driven = "".join(f", {kind} torques" for kind in done.torques)
-        table(f"Replayed: {runs}{driven}", ["where", "error, mrad", "gap closed"], rows)
+        table(f"Replayed: {runs}{driven}", ["simulation", "error, mrad", "gap closed"], rows)
     for name, reasons in done.lost.items():
         for effect, reason in reasons.items():
             line(f"{name}: without {in_words(effect)}: {reason}")

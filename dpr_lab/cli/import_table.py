@@ -121,7 +121,7 @@ app.command("csv", help="Alias of `import table`. Example: dpr-lab import csv sw
 
 
 def _show(understood: "Understood", as_json: bool) -> None:
-    """Print the interpretation of a table that was not written as a run."""
+    """Print how a table is interpreted, for `--dry-run`."""
     from dpr_lab.report.text_plot import text_chart
     from dpr_lab.storage.tables.understood import chart_title, names_of
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dpr_lab.workflows.rig_drive import MotorMeasures
     from dpr_lab.workflows.rig_toml import Measure
 
-WEIGHED = "as 0.21, or as 0.21+-0.001 if weighed (then not identified)"
+WEIGHED = "as 0.21, or as 0.21+-0.001 if weighed (a weighed mass is not identified)"
 MEASURED = "as 0.042, or as 0.042+-0.001 if measured"
 
 
@@ -58,7 +58,11 @@ class RodOptions:
         return (self.l1, self.m1) if self.single else (self.l1, self.m1, self.l2, self.m2)
 
     def completed(self, ask: bool) -> "RodOptions":
-        """Return a copy with all values; the user is prompted for each missing value."""
+        """Return a copy with all required values; the user is prompted for each missing value.
+
+        Raises:
+            BadParameter: a value is missing and `ask` is False.
+        """
         distance, rod = (
             ("Length of the rod, m", "rod") if self.single else ("Distance between the two joints, m", "inner rod")
         )
@@ -197,9 +201,10 @@ def new(
 
 
 def _asked(ask: bool, flag: str, question: str, default: str | None = None, kind: type = str) -> str:
-    """Ask for a value on a terminal and return the answer.
+    """Ask for a value on the terminal and return the answer.
 
-    If there is no terminal, raise `BadParameter` for the missing option.
+    Raises:
+        BadParameter: the option is missing and `ask` is False.
     """
     if not ask:
         raise typer.BadParameter(f"{flag} is required: {question}. On a terminal, the command asks for it")

@@ -62,7 +62,8 @@ def plan(
         str | None,
         typer.Option(
             callback=_budget,
-            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: up to three.",
+            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: up to three"
+            " releases.",
         ),
     ] = None,
     limits: Annotated[
@@ -175,7 +176,7 @@ def commands(made: "Plan") -> list[str]:
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:
-    """Print the amplitudes that the planned releases detect worst, relative to their typical sizes."""
+    """Print the `most` amplitudes with the largest minimum detectable size relative to their typical size."""
     from dpr_lab.report.words import named, parameter_words
 
     worst = sorted(

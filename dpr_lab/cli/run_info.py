@@ -91,10 +91,10 @@ PARTS = {
     "at_edges": "angles of the count edges",
     "options": "import with",
 }
-"""Words in the table for the name of a loss, a check or a clock figure. Other names are printed without underscores."""
+"""Description of each loss, quality check and clock value in the table. In other names, underscores become spaces."""
 
 _ROUND_OFF = 1e-12
-"""Largest magnitude that is printed as zero. Intervals of equal length differ by round-off."""
+"""Largest magnitude that is printed as zero, because a value of this size is only rounding error."""
 
 _WITH_UNIT = re.compile(r"(\w+) \((.+)\)")
 """Pattern of a quality check with its unit in a run file. A share has the unit 1."""
@@ -106,7 +106,7 @@ def info_rows(info: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _imported(extra: Mapping[str, str]) -> str:
-    """Return the known facts of an import in words, with the options that were given."""
+    """Describe the known facts of an import, including the options that were given."""
     known: dict[str, object] = {
         name: stored_object(text) if name in TABLES else text for name, text in extra.items() if text
     }

@@ -20,7 +20,7 @@ VIEWER_NAMES = Choices("viewer", "dpr_lab.storage.viewers:VIEWERS")
 RunFile = Annotated[Path, typer.Argument(help="A run file (.mcap).")]
 RunFiles = Annotated[list[Path], typer.Argument(help="Run files (.mcap).")]
 JsonEach = Annotated[
-    bool, typer.Option("--json", help="JSON on stdout: one object for one file, a list of objects for several files.")
+    bool, typer.Option("--json", help="Print JSON on stdout: an object for one file, a list of objects for several.")
 ]
 
 

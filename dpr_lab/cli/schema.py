@@ -19,7 +19,7 @@ def schema(
             autocompletion=SCHEMA_NAMES.complete,
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="JSON on stdout; schemas are always JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the list as JSON. A schema is always JSON.")] = False,
 ) -> None:
     """Print the JSON Schema (2020-12) of a result.
 

@@ -11,7 +11,7 @@ import typer
 def serve(
     stdio: Annotated[bool, typer.Option("--stdio", help="Requests come from stdin, responses go to stdout.")] = False,
 ) -> None:
-    """Run identifications and diagnoses for other programs by JSON-RPC 2.0.
+    """Run identifications, diagnoses and plans for other programs by JSON-RPC 2.0.
 
     All jobs run in one process, which keeps the compiled code. Each line of stdin is one request. Each line of stdout
     is one response or progress notification. At the end of stdin the server finishes the queued jobs and exits. There

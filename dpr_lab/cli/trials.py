@@ -77,7 +77,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centres(rig: str | None, plant: str | None, arm: TrialArm | None) -> tuple[str, str]:
-    """Return the names of rig and plant, by default those of the arm's mode."""
+    """Return the names of rig and plant; a missing name is replaced by the default for the mode of the arm."""
     default = "paper" if arm is None else "driven_double"
     return rig or default, plant or default
 
@@ -198,11 +198,11 @@ STRATEGY_COLUMNS = (
     "correct or undetectable",
     "forecast error (if exact)",
 )
-"""Columns of the table of strategies."""
+"""Columns of the table that compares the strategies of planning."""
 
 
 def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Return one row per strategy of sequential trials."""
+    """Return the rows of the table that compares the strategies of planning, one per strategy."""
     return [
         (
             name,

@@ -51,7 +51,7 @@ def tui(
         ),
     ] = None,
 ) -> None:
-    """Open the screen, a terminal user interface for all steps from the connection to the diagnosis.
+    """Open the screen, a terminal user interface for all steps from the connection to the plan.
 
     The screen restores the last session. F1 explains each step.
 

@@ -18,7 +18,7 @@ OFF = "DPR_LAB_NO_PLUGINS"
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """Plugin: an entry point of an installed package."""
+    """Entry point of an installed package that adds rows to a table."""
 
     group: str
     name: str

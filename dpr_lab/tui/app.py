@@ -177,7 +177,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
             self.notify(f"{key} has no function here; {keys} shows the keys", timeout=NOTICES.hint_s)
 
     def on_cursor_position(self, event: events.CursorPosition) -> None:
-        """Record that the terminal confirmed a frame."""
+        """Register a reported cursor position, which confirms a frame."""
         self.terminal.confirmed(event.x, event.y)
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
@@ -359,7 +359,7 @@ class DprApp(Guarded, NoticeApp, ViewedApp):
     def mishap(self, error: Exception) -> None:
         """Show an error; an unexpected error is also logged with its traceback.
 
-        All exceptions of handlers, actions and workers of a step are handled here, so that the app continues.
+        All exceptions of handlers, actions and workers of a step are passed to this method, so that the app continues.
         """
         if isinstance(error, WorkerFailed) and isinstance(error.error, Exception):
             error = error.error

@@ -83,13 +83,14 @@ def keys_file() -> Path:
 def about_keys() -> str:
     """Return the help text that explains how to change keys."""
     return f"""
-**Your own keys** are defined in `{keys_file()}`: a section for each screen, with actions and their keys, such as
+**Your own keys** are defined in `{keys_file()}`: a section for each page, with actions and their keys, such as
 
     [capture]
     release = "space"
 
-The sections are `app`, `chart`, `runs` and the names of the steps. A file with an unknown action or key, or
-with the same key for two actions of a section, is rejected. The message about an unknown action lists all actions.
+The sections are `app`, `chart`, `runs` and the names of the steps. A file with an unknown action or key, or with the
+same key for two actions that are available at the same time, is rejected. The message about an unknown action lists all
+actions.
 """
 
 

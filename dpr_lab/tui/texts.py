@@ -26,8 +26,9 @@ class NoticeTimes:
     """
 
     stays_s: float = 86400.0
-    """Duration of an error, s: practically until Escape is pressed or another step is shown."""
+    """Duration of an error, s. In practice it is visible until Escape is pressed or another step is shown."""
     error_title: str = "Error (esc: close · {app.messages}: all messages)"
+    """Title of an error; the key of the message log is inserted."""
     error_s: float = 30.0
     """Duration of a warning with an instruction, s."""
     news_s: float = 20.0

@@ -88,10 +88,7 @@ def _page(command: Sequence[str], port: int, token: str) -> Any:
             return app
 
         async def on_startup(self, app: Any) -> None:
-            """Do nothing.
-
-            textual-serve calls this function for both apps, but only the outer app has `announce`.
-            """
+            """Do nothing: textual-serve calls this method for both apps, but only the outer app prints the address."""
 
         async def announce(self, app: Any) -> None:
             logging.getLogger("aiohttp.access").setLevel(logging.WARNING)  # the default logger would log the token

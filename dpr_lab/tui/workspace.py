@@ -60,7 +60,9 @@ class Workspace:
     undecided: Path | None = None
     """Recorded run that was neither kept nor repeated."""
     model: Path | None = None
+    """File of the last identified model."""
     diagnosis: Path | None = None
+    """File of the last diagnosis."""
     made_from: dict[str, dict[str, str]] = field(default_factory=dict)
     """Inputs of the result of each step, by kind, as returned by `basis`."""
     took: dict[str, float] = field(default_factory=dict)
@@ -83,10 +85,7 @@ class Workspace:
 
     @property
     def driven_by(self) -> str | None:
-        """The text `commanded` if commanded torques are selected and available.
-
-        They are available if a run contains both kinds of torques. Otherwise the value is None.
-        """
+        """`commanded` if commanded torques are selected and a run contains both kinds of torques; otherwise None."""
         return (self.torque or None) if self.both_torques else None
 
     def basis(self) -> dict[str, str]:
@@ -167,9 +166,10 @@ _WORKSPACE = TypeAdapter(Workspace)
 
 
 def load(folder: Path) -> tuple[Workspace, list[str]]:
-    """Return the saved workspace, and notices that name what changed after it was saved.
+    """Return the saved workspace, and a notice for each problem.
 
-    A damaged file gives an empty workspace. A missing run, model or diagnosis is removed. No exception is raised.
+    If the file is damaged, the workspace is empty. Missing runs, models and diagnoses are removed from the workspace.
+    No exception is raised.
     """
     path = folder / FILE
     try:

@@ -143,14 +143,18 @@ def judged(diagnosis: "Diagnosis", limits: "Limits", runs: "Sequence[Run]", rig:
 
 
 def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
-    """Add the planned releases if they are expected to decide a limit.
+    """Add remedies to the undecided limits, and the planned releases if they are expected to decide a limit.
 
-    The reason of an undecided limit then states one of three things: the release that is expected to decide it alone,
-    that the planned releases would not decide it, or, if no release separates its possible causes, the bench check of
-    the plan. The second statement is omitted if the interval covers all shapes of an effect, because the forecast
-    refers to one shape. Any other reason without a remedy gets one by `with_remedy`. If only the uncertainty of the
-    scale leaves a limit undecided, a release with an added mass is needed, which determines the scale. No release
-    decides a limit before the diagnosis has valid intervals.
+    The reason of an undecided limit is extended by one of these statements:
+
+    - the release that alone is expected to decide the limit
+    - that the planned releases would probably not decide it; omitted if the interval covers all shapes of an effect,
+      because the forecast refers to one shape
+    - the bench check of the plan, if no release separates the possible causes
+
+    `with_remedy` adds a remedy to the remaining limits. If a limit is undecided only because the scale is uncertain,
+    only a release with an added mass can decide it, because this release determines the scale. No release decides a
+    limit before the diagnosis has valid intervals.
     """
     forecasts = {forecast.quantity: forecast for forecast in planned.limits}
     determines_scale = any(release.added_mass is not None for release in planned.releases)
@@ -183,7 +187,7 @@ def with_recordings(acceptance: "Acceptance", planned: "Plan") -> "Acceptance":
 
 
 def with_remedy(limit: "JudgedLimit", planned: "Plan", decided: bool) -> "JudgedLimit":
-    """Add what decides an undecided limit whose reason does not state it, or that no planned release does.
+    """Add a remedy to an undecided limit without one: the planned releases, or a bench check.
 
     Args:
         limit: the limit
@@ -217,5 +221,5 @@ def _ending(limit: "JudgedLimit", beginning: str, remedy: str) -> "JudgedLimit":
 
 
 def _effects(limit: "JudgedLimit") -> tuple[str, ...]:
-    """Return the effects of the limit and of its reason."""
+    """Return the effect in the quantity of a limit, followed by the effects in its reason."""
     return (limit.quantity.partition(".")[0], *limit.effects)

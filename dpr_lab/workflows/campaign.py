@@ -71,22 +71,22 @@ def _refuse_other_kinds(campaign: "Campaign") -> None:
 
 
 def _saved(done: "CampaignTrials", campaign: "Campaign", n: int, out: Path) -> tuple[dict[str, Any], dict[str, str]]:
-    """Write summary, figures and page; return the summary, and the paths by name."""
+    """Write summary, figures and page of a campaign; return the summary, and the paths by name."""
     from dpr_lab.report.saving import write_json
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report
     from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
     from dpr_lab.trials.summary import summary
 
-    counted = summary(done.outcomes)
+    scores = summary(done.outcomes)
     if campaign.strategies:
-        counted |= {"strategies": sequential_summary(read_strategies(out, n))}
-    figures = save_trial_figures(counted, out)
+        scores |= {"strategies": sequential_summary(read_strategies(out, n))}
+    figures = save_trial_figures(scores, out)
     setting = (
         f"Kinds of hidden effects, in turn: {', '.join(campaign.kinds)}; size {campaign.level}; drawn around rig"
         f" “{campaign.rig}” and plant “{campaign.plant}”, seeds from {campaign.seed} on."
     )
     failures = [f"trial {failure.number}: {failure.error}" for failure in done.failures]
-    page = write_trials_report(counted, setting, failures, out, figures)
-    write_json(counted, out / "summary.json")
-    return counted, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}
+    page = write_trials_report(scores, setting, failures, out, figures)
+    write_json(scores, out / "summary.json")
+    return scores, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

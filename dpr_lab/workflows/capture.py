@@ -57,8 +57,8 @@ def capture(
     Args:
         rig_name: rig file, or name of a built-in rig
         out: folder of the runs
-        options: what to record after each release
-        confirm: called for permission before each release, as in `dpr_lab.acquisition.capture.capture`
+        options: sample rate, duration, note and time limits of the recordings
+        confirm: function that permits or refuses each release, as in `dpr_lab.acquisition.capture.capture`
         poses: names of the poses in order; empty for all poses of the rig
         repeat: number of releases from each pose
         url: URL of the device; None: the link of the rig file
@@ -105,7 +105,7 @@ def capture(
 def _rig_file(rig: "Rig") -> Iterator[Path | None]:
     """Yield the rig file for a simulated device.
 
-    It is a temporary file if the mounted rods differ from those of the file.
+    A temporary file is written if options changed the mounted rods or the modes of the joints.
     """
     from dpr_lab.storage.metadata import rig_toml
 

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseTolerance:
-    """Maximum difference between a recording and the recommended release, above which a warning is printed."""
+    """Largest differences between a recording and the recommended release without a warning."""
 
     angle_rad: float = 0.2
     """Largest difference of an angle, rad: a release by hand differs by less."""
     duration: float = 0.5
-    """Smallest duration, relative to the advised one."""
+    """Smallest duration relative to that of the recommended release."""
 
 
 TOLERANCE = ReleaseTolerance()
@@ -61,7 +61,7 @@ def take_check(
         out: folder of `diagnosis.json` and its page; None: no files are written
         torque: `measured` or `commanded`: torques to use for runs that contain both; None: measured
         confirmed: whether a value that no candidate predicts is accepted
-        on_event: receives `RunRead`, and `Warned` for a recording that differs from the advised release
+        on_event: receives `RunRead`, and `Warned` for a recording that differs from the recommended release
 
     Raises:
         ConfigError: the rig is not valid, or a file with the name of the folder exists.
@@ -98,9 +98,12 @@ def take_check(
 
 
 def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedCheck") -> None:
-    """Refuse recordings of a check that were used before.
+    """Refuse recordings that were fitted or held out, or are the result of another check of the same effect.
 
     A recording may count only once as evidence about a named effect.
+
+    Raises:
+        RunError: a recording was used before.
     """
     recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
     used = {r.sha256: f"already {'held out in' if r.held_out else 'fitted by'} this diagnosis" for r in recordings}
@@ -114,25 +117,25 @@ def _refuse_used(runs: "Sequence[Run]", diagnosis: "Diagnosis", check: "AdvisedC
 
 
 def other_releases(runs: "Sequence[Run]", check: "AdvisedCheck") -> Iterator[str]:
-    """Yield a sentence for each recording that is much shorter than advised, or released from other angles.
+    """Yield a warning for each recording that is much shorter than recommended, or released from other angles.
 
-    The result of such a recording is used, but it may contain little information about the causes of the check.
+    Such a recording is used, but it may contain little information about the causes of the check.
     """
     release = check.release
     if release is None:
         return
     for run in runs:
         rods = 1 if run.setup.alone else 2
-        start, advised = run.swing.theta[0, 1 : rods + 1], (release.theta1_rad, release.theta2_rad)[:rods]
-        apart = max(abs(math.remainder(a - b, 2.0 * math.pi)) for a, b in zip(start, advised, strict=True))
+        start, recommended = run.swing.theta[0, 1 : rods + 1], (release.theta1_rad, release.theta2_rad)[:rods]
+        apart = max(abs(math.remainder(a - b, 2.0 * math.pi)) for a, b in zip(start, recommended, strict=True))
         if apart > TOLERANCE.angle_rad or run.duration < TOLERANCE.duration * release.duration_s:
-            done, asked = (
+            recorded, required = (
                 f"{' and '.join(f'{math.degrees(angle):.0f}' for angle in angles)} deg for {duration:.3g} s"
-                for angles, duration in ((start, run.duration), (advised, release.duration_s))
+                for angles, duration in ((start, run.duration), (recommended, release.duration_s))
             )
             yield (
-                f"warning: {run.file or run.name}: was released from {done}, but check {check.id} asks for {asked}"
-                " (0 = upright): it may not distinguish the causes"
+                f"warning: {run.file or run.name}: was released from {recorded}, but check {check.id} asks for"
+                f" {required} (0 = upright): it may not distinguish the causes"
             )
 
 

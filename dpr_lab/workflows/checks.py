@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def check_folder_writable(out: Path) -> None:
-    """Check whether results can be written to a folder, before a job starts.
+    """Check that results can be written to a folder, before a job starts.
 
     Raises:
         ConfigError: a file with this name exists, or nothing can be written.
@@ -46,7 +46,8 @@ def check_file_writable(out: Path) -> None:
 def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
     """Write a temporary file to a folder, or to its nearest existing parent.
 
-    An error message names `out`.
+    Raises:
+        ConfigError: the file cannot be written; the message names `out`.
     """
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     try:

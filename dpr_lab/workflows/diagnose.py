@@ -39,7 +39,7 @@ class DiagnoseRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     held_out: tuple[Path, ...] = ()
-    """Runs that are not fitted, and only validate the named effects."""
+    """Held-out runs: not fitted, used to validate the named effects."""
     model: Path | None = None
     """Identified model that provides initial values; None: values of the rig file."""
     library: tuple[str, ...] | None = None
@@ -134,7 +134,7 @@ def _with_trust(
     library: "Mapping[str, Effect]",
     on_event: OnEvent,
 ) -> "Diagnosis":
-    """Add the blind trials that the request contains."""
+    """Add the reliability that blind trials measure, if the request contains trials."""
     from dpr_lab.trials.own_rig import trust
 
     if not request.trust:

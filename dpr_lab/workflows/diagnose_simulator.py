@@ -32,7 +32,7 @@ FORCED = "with_passive_forces"
 
 @dataclass(frozen=True, slots=True)
 class SimulatorDiagnosis:
-    """Diagnosis relative to the user's model, with its changes and the written files."""
+    """Diagnosis relative to the user's model, and the changes that the model needs."""
 
     result: DiagnoseResult
     simulator: "PrintedSimulator"
@@ -48,9 +48,7 @@ class SimulatorDiagnosis:
 def diagnose_simulator(
     request: DiagnoseRequest, simulator: Path, joints: Sequence[str] = (), on_event: OnEvent = ignore
 ) -> SimulatorDiagnosis:
-    """Explain the gap between a simulator model and the rig.
-
-    A copy of the model is corrected.
+    """Explain the gap between a simulator model and the rig, and write a corrected copy of the model.
 
     Args:
         request: as for `diagnose`; with an empty `rig`, `rig_from_model` writes the rig file from the model
@@ -129,7 +127,7 @@ def diagnose_simulator(
 
 
 def _written(patched: "PatchedModel", forced: "PatchedModel | None", diff: str, out: Path, name: str) -> dict[str, str]:
-    """Write the changed copy of the user's model, and the one for a module of passive forces; return their paths."""
+    """Write the changed copies of the user's model and the difference; return the paths by name."""
     from dpr_lab.whole_file import write_text
 
     write_text(out / f"{name}.diff", diff)
@@ -142,7 +140,11 @@ def _written(patched: "PatchedModel", forced: "PatchedModel | None", diff: str, 
 
 
 def _chain(simulator: Path, read: "SimulatorModel", joints: Sequence[str], rig: "Rig") -> "ModelChain":
-    """Read the rods of the user's model, and compare them with the rig."""
+    """Find the rods in the user's model.
+
+    Raises:
+        ConfigError: the model contains no such rods, or belongs to another rig.
+    """
     from dpr_lab.exports.into.target import refuse_other_rig
     from dpr_lab.simulator_models.double_pendulum import double_pendulum
 
@@ -175,10 +177,7 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "list[FileReplay]":
-    """Return the replay errors of the original and the changed file.
-
-    If there is a file with passive forces, its errors are included.
-    """
+    """Return the replay errors of the original and the changed file and, if any, of the file with passive forces."""
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)
@@ -189,9 +188,10 @@ def _replays(
 
 
 def _forced(model: "AnyModel", rig: "Rig", simulator: Path, joints: Sequence[str]) -> "PatchedModel | None":
-    """Add effects without native elements to the file if the model needs a module of passive forces.
+    """Return the changed file for use with a module of passive forces.
 
-    Otherwise return None.
+    The module contains the effects for which the format has no element. The result is None if there are no such
+    effects, or if the file cannot be changed.
     """
     from dpr_lab.exports.into import into_file
 

@@ -52,7 +52,8 @@ class DriftResult:
     def _sizes(self, values: Sequence[float]) -> dict[str, float]:
         """Map the names of parameters to their values.
 
-        For a ratio to b, the absolute value with the assumed b is added.
+        The size of an effect may be relative to the reference inertia (`NAME/b`, `NAME*b`). The absolute value for the
+        assumed inertia is then added.
         """
         by_name = dict(zip(self.estimates.names, values, strict=True))
         b, inertia = self.estimates.b or 1.0, self.estimates.inertia

@@ -30,8 +30,11 @@ class ExportResult:
     refused: dict[str, str]
     """Reason for each format whose file was not written."""
     bare_rad: float | None
+    """Error of the bare model on the replayed runs, rad; None: no runs were replayed."""
     lab: "Replayed | None"
+    """Errors of the model in dpr-lab's own simulation; None: no runs were replayed."""
     tried: "dict[str, Replayed]"
+    """Errors of the model in the program of each format."""
     torques: tuple[str, ...]
     """Kinds of the known torques that drove the runs."""
     scale: dict[str, Any] | None

@@ -50,7 +50,7 @@ class EnsembleResult:
     folders: tuple[Path, ...]
     """Folder of each model, if formats were requested."""
     sets: dict[str, int]
-    """Number of models with each combination of effects. A key joins the effects by `+`; `-` stands for no effect."""
+    """Number of models with each combination of effects. A key joins the effects by `+`, or is `none`."""
     factor: float
     """Factor by which the standard deviations of the posterior were multiplied."""
     factor_of_fit: float

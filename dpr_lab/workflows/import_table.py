@@ -92,7 +92,7 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Unders
 
 
 def _unused(folder: Path, table: Path) -> tuple[Path, tuple[str, ...]]:
-    """Return an unused path in the folder, and a note if it has runs of this name."""
+    """Return an unused file name for the run, and a note if the folder contains runs of this table or name."""
     from dpr_lab.configs import sha256_of
     from dpr_lab.storage.csv_import import table_name
 

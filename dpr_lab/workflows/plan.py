@@ -33,7 +33,7 @@ class PlanRequest:
     rig: str
     """Rig file, or the name of a built-in one."""
     runs: tuple[Path, ...] = ()
-    """Runs recorded so far. If it is empty, a first plan is made from the rig file alone."""
+    """Runs recorded so far; empty: a first plan is made from the rig file alone."""
     diagnosis: Path | None = None
     """Diagnosis of these runs; None: the runs are diagnosed first."""
     limits: Path | None = None
@@ -114,7 +114,7 @@ def minutes(text: str) -> float:
 
 
 def write_plan(made: "Plan", rig: "Rig", out: Path | None) -> PlanResult:
-    """Write the plan, its input signals, and the rig files with its start poses, if it has any."""
+    """Write a plan, its input signals, and rig files with its start poses; None as `out`: write no files."""
     from dpr_lab.planning.signals import write_signal
     from dpr_lab.report.plain import write_json
     from dpr_lab.workflows.planned_rigs import planned_poses, planned_rigs

@@ -44,7 +44,7 @@ def planned_rigs(poses: "dict[str, PlannedRelease]", rig: "Rig", to: Path) -> di
         files[name] = described.setdefault(_setup(release, rig), to.with_name(f"{to.stem}_{name}{to.suffix}"))
     for setup, file in described.items():
         base = text if setup == current_setup else _with_setup(text, setup, rig)
-        poses_of_file = {name: poses[name] for name, its in files.items() if its == file}
+        poses_of_file = {name: poses[name] for name, written in files.items() if written == file}
         write_text(file, base + _pose_tables(poses_of_file), ConfigError)
     return files
 

@@ -68,9 +68,9 @@ class RigMeasures:
 
 @dataclass(frozen=True, slots=True)
 class DraftSettings:
-    """Width of the bounds around measured values.
+    """Bounds and poses in a new rig file.
 
-    Except for masses, the bounds are relative to a uniform rod.
+    Bounds of a mass are relative to the estimated mass, all other bounds to the values of a uniform rod.
     """
 
     mass: tuple[float, float] = (0.7, 1.4)
@@ -83,8 +83,8 @@ class DraftSettings:
     elbow: tuple[float, float, float] = (0.002, 0.2, 3.0)
     """Lower bound, nominal value and upper bound of an unknown mass at the elbow, in units of the mass of both rods."""
     damping: tuple[float, float, float] = (1e-5, 3e-3, 0.1)
-    """Lower bound, nominal value and upper bound of the damping ratio of a small swing. Ball bearings have some
-    thousandths."""
+    """Lower bound, nominal value and upper bound of the damping ratio of a small swing. The damping ratio of ball
+    bearings is some thousandths."""
     poses: tuple[tuple[float, float], ...] = ((math.pi, 0.1), (0.1, 0.1), (0.1, math.pi))
     """Default poses theta1, theta2 for two rods, rad: those of the publication."""
     poses_as_one: tuple[tuple[float, float], ...] = ((0.1, 0.1), (1.2, 1.2), (2.2, 2.2))
@@ -178,8 +178,14 @@ def _parameters(m: RigMeasures, mb: Measure) -> dict[str, tuple[str, Bounds, flo
 def ranges_of(values: Mapping[str, float], lengths: Sequence[float], g: float, *, uncertain: bool) -> dict[str, Bounds]:
     """Return bounds and nominal values of the parameters of rods, except those of the parts at the elbow.
 
-    The stiffness from which the friction follows is at least 1e-30 N m/rad. It would be zero if the centre of mass is
-    on the joint, but a rig file requires positive bounds. `uncertain`: the masses are estimates.
+    The bounds of the friction follow from the stiffness of a small swing (`draft_rig`). The stiffness is zero if the
+    centre of mass is on the joint. Because a rig file requires positive bounds, at least 1e-30 N m/rad is assumed.
+
+    Args:
+        values: nominal values of the parameters
+        lengths: length of each rod, m, the inner rod first
+        g: gravity, m/s^2
+        uncertain: whether the masses are estimates
     """
     Z = dict.fromkeys(("l2", "m2", "mb", "J2"), 0.0) | dict(values)
     tip = Z["J2"] + Z["m2"] * Z["l2"] ** 2
@@ -230,11 +236,12 @@ class RigFinding:
     """Remark on a rig file."""
 
     state: Literal["wrong", "missing", "odd"]
-    """Kind of the remark. `wrong`: the file cannot be used; `missing`: a function is not available; `odd`: possibly a
-    mistake."""
+    """Kind of the remark. `wrong`: the file cannot be used; `missing`: without the key, a function of
+    dpr-lab is not available; `odd`: possibly a mistake."""
     key: str
     """Key of the rig file; empty if the remark is about several keys."""
     text: str
+    """The remark, without the key."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,8 @@ def _nominal(chain: "ModelChain") -> dict[str, float]:
 def _bounds(chain: "ModelChain", values: dict[str, float], notes: list[str]) -> dict[str, Bounds]:
     """Return the bounds of the parameters, as in `rig new`.
 
-    The bounds are extended if the value of the model is outside. A missing value is set to its lower bound.
+    The bounds are extended if the value of the model is outside. A value that is not positive is replaced by a small
+    positive value, and a note is added to `notes`.
     """
     lengths = [rod.length or 2 * rod.centroid for rod in chain.rods]
     ranges = ranges_of(values, lengths, chain.gravity, uncertain=False)
@@ -195,7 +196,10 @@ def _arm_values(arm: "ChainArm", bounds: dict[str, Bounds]) -> dict[str, float]:
 
 
 def _motor(arm: "ChainArm", driven: dict[str, float]) -> MotorMeasures | None:
-    """Return the motor of the arm from gears of driven joints, or None."""
+    """Return the motor of the arm, or None if the model does not drive the arm.
+
+    `driven` maps the name of each driven joint to its gear ratio.
+    """
     if arm.joint.name not in driven:
         return None
     gear = abs(driven[arm.joint.name])

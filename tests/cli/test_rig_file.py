@@ -164,7 +164,7 @@ def test_flags_describe_an_inner_rod_that_is_prescribed(cli, tmp_path: Path) -> 
         (
             (*FLAGS[:-1], "heavy"),
             2,
-            "--m2 'heavy': write the value as 0.21, or as 0.21+-0.001 if weighed (then not identified)",
+            "--m2 'heavy': write the value as 0.21, or as 0.21+-0.001 if weighed (a weighed mass is not identified)",
         ),
         ((*FLAGS[:-1], "-1"), 3, "m2 must be above 0 and finite, not -1"),
         ((*FLAGS, "--l1", "-0.3"), 3, "L1 must be above 0 and finite, not -0.3"),

@@ -27,11 +27,11 @@ class JobControl:
         self.send(JobProgress(value))
 
     def proceed(self) -> bool:
-        """Return False if the job must stop and keep its result."""
+        """Return False if the job must end early with its best result so far."""
         return not self._stop.is_set()
 
     def listen(self) -> None:
-        """Stop the job when the command arrives; end the process when the connection closes."""
+        """Wait for the command to stop the job; end the process when the connection closes."""
         with contextlib.suppress(EOFError, OSError):
             while self._connection.recv() == "stop":
                 self._stop.set()

@@ -11,6 +11,7 @@ class JobProgress:
     """A progress event of a job."""
 
     value: Any
+    """Event of the workflow."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,11 +39,12 @@ def compare(control: JobControl, *, request: CompareRequest) -> tuple[Path, ...]
 
 @dataclass(frozen=True, slots=True)
 class RunSurveyed:
-    """Metadata of a file in a folder of runs, or why it is unreadable."""
+    """Metadata of a file in a folder of runs, or the reason why the file is unreadable."""
 
     path: Path
     info: "RunInfo | None"
     trouble: str = ""
+    """Reason why the file is unreadable; otherwise empty."""
 
 
 def survey(control: JobControl, *, paths: Sequence[Path]) -> None:

@@ -65,7 +65,7 @@ class Attempt:
 
     @property
     def obstacle(self) -> str:
-        """Reason against a release now, or an empty text."""
+        """Reason why the rods must not be released now; empty if they may be released."""
         if self.phase is Phase.READY:
             return ""
         if self.phase is Phase.SETTLING and self.rest is not None and self.rest.restless:

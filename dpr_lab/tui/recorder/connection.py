@@ -1,4 +1,4 @@
-"""State of the device for the screen: its process and its last report."""
+"""State of the device for the screen: recorder process, last report and current attempt."""
 
 import asyncio
 import time

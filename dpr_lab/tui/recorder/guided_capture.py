@@ -1,7 +1,4 @@
-"""Capture that the screen controls.
-
-It sends progress, and receives the release command and cancel requests.
-"""
+"""Capture that the screen controls: reports progress, and receives the release command and cancel requests."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -50,7 +47,8 @@ class _GuidedCapture:
     def on_progress(self, progress: Progress) -> None:
         """Send a report of the progress.
 
-        Raises an exception that ends the capture if the operator cancels or the screen is lost.
+        Raises:
+            SafetyStop: the operator cancelled the attempt, or the screen has ended.
         """
         self._released = self._released or isinstance(progress, Released)
         self._end_if_wanted()

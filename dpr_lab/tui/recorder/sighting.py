@@ -1,7 +1,4 @@
-"""Last readings of the rods and their age.
-
-A value that may have changed is not shown as current.
-"""
+"""Last readings of the rods and their age; values that may have changed are marked as outdated."""
 
 import math
 from dataclasses import dataclass

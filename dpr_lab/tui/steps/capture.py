@@ -37,7 +37,7 @@ from dpr_lab.tui.widgets.checklist import kept, next_pose, set_aside
 from dpr_lab.tui.widgets.countdown import Countdown, new_code
 
 BUSY = "An attempt is under way: end it with {capture.end}, or keep ({capture.keep}) or repeat ({capture.again}) it"
-UNDECIDED = "Keep the recorded swing with {capture.keep}, or put it aside and repeat with {capture.again}"
+UNDECIDED = "Keep the recorded swing with {capture.keep}, or set it aside and repeat with {capture.again}"
 
 
 class CaptureStep(Step):
@@ -149,7 +149,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def _take_planned(self, rig: Rig) -> None:
-        """Select pose and duration of the release that the operator chose in Plan."""
+        """Select pose and duration of the release that the operator chose in the step Plan."""
         if self.attempt is None and self.workspace.next_pose in rig.poses:
             self._pose, self.workspace.next_pose = self.workspace.next_pose, ""
             self.options = replace(self.options, until_rest=False, duration=self.workspace.next_duration_s)
@@ -266,7 +266,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
             raise DprError(self.worded(BUSY))
 
     def _obstacle(self) -> str:
-        """Return the reason against a release now, or an empty text."""
+        """Return the reason why the rods must not be released now; empty if they may be released."""
         if self.attempt is None:
             return self.worded("press {capture.start} to be guided to the pose first")
         if not self.device.fresh(now := time.monotonic()):
@@ -290,7 +290,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         self._draw()
 
     def _follow_order(self) -> None:
-        """Notify the operator that the latch is still closed after a release command."""
+        """Warn the operator if the latch is still closed after a release command."""
         if self._ordered and self.device.ordered is None:
             self._ordered = False
             if self.device.seen.latched:

@@ -104,7 +104,7 @@ Figures, report and numbers are written to `report/` in the folder of the worksp
             self.start_work()
 
     def report(self) -> Path | None:
-        """Report of the comparison, as `dpr-lab compare` writes it."""
+        """Return the path of the report, which is the same as that of `dpr-lab compare`."""
         return self.workspace.out / "report" / "report.html"
 
     def stale(self) -> str:

@@ -154,7 +154,7 @@ Report, figures, corrected model and `diagnosis.json` are written to `diagnosis/
         self.changed()
 
     def report(self) -> Path | None:
-        """Report of the displayed diagnosis, or None if there is no report."""
+        """Return the path of the report of the displayed diagnosis, or None without a diagnosis."""
         return self._file.with_name("diagnosis.html") if self._file is not None else None
 
     def action_hold_out(self) -> None:

@@ -54,10 +54,11 @@ local fit down to the noise floor.
 - A search that is stopped early continues with the local fit from its best individual. A cancelled search has no
   result.
 
-A free swing determines only ratios. *Nine parameters*, or *Absolute values* with a free or driven arm, shows the values
-in SI units, and which data determine each value. *Identifiability* shows what the recordings do not determine, and
-which measurements help. With a free or driven arm, a local fit estimates the ratios of rods, arm and drive. This fit
-starts from the values of the rig file. The model is written to `model.json` in the folder of the workspace.
+A free swing determines only ratios. *Nine parameters* (*Parameters* for a single rod, *Absolute values* with a free or
+driven arm) shows the values in SI units, and which data determine each value. *Identifiability* shows what the
+recordings do not determine, and which measurements help. With a free or driven arm, a local fit estimates the ratios of
+rods, arm and drive. This fit starts from the values of the rig file. The model is written to `model.json` in the folder
+of the workspace.
 """
     BINDINGS = bindings("identify")
     DEFAULT_CSS = """
@@ -164,7 +165,9 @@ starts from the values of the rig file. The model is written to `model.json` in 
         """Draw a model: convergence, values, and the data that determine each value; return its summary."""
         from dpr_lab.identification.model import Model
 
-        title = "Nine parameters" if isinstance(model, Model) else "Absolute values"
+        title = "Absolute values"
+        if isinstance(model, Model):
+            title = "Parameters" if model.fitted else "Nine parameters"
         self.query_one(TabbedContent).get_tab("nine").label = title
         summary = self._draw_rods(model) if isinstance(model, Model) else self._draw_arm(model)
         used, selected = {Path(run.file).name for run in model.runs}, {run.name for run in self.workspace.runs}
@@ -241,7 +244,7 @@ def _identifiability(model: "Model") -> Group:
         f"The recordings determine {identifiability.rank} of {len(model.mounted)} combinations of parameters.\n",
         sentences("Parameter changes that neither recordings nor measured values can detect:", free),
         sentences("Additional measurements on the bench, best first:", identifiability.advice),
-        "" if free else "All nine parameters are determined. A further measurement only reduces their uncertainty.",
+        "" if free else "All parameters are determined. A further measurement only reduces their uncertainty.",
     )
 
 

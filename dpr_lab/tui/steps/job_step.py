@@ -30,7 +30,7 @@ class JobStep(Step):
     """
 
     PURPOSE: ClassVar[str]
-    """Description of the job in a few words."""
+    """Purpose of the job, shown after the key that starts the job."""
     RESTS_ON: ClassVar[tuple[str, ...]] = ()
     """Inputs on which the result depends: keys of `Workspace.basis`."""
 
@@ -109,7 +109,7 @@ class JobStep(Step):
             self.say(self.worded(f"{{{self.NAME.lower()}.start}}: {self.PURPOSE}"))
 
     def start_work(self) -> None:
-        """Start the job of a complete form if no other job runs."""
+        """Read the form and start the job; called only if no input is missing."""
 
     def compiling(self, now: float) -> None:
         """Show that the job waits for the compilation of a kernel."""
@@ -118,7 +118,7 @@ class JobStep(Step):
         self.say(f"{COMPILING} (kernel {self._kernels})")
 
     def progressed(self, value: Any) -> None:
-        """Show a reported event."""
+        """Show a progress event of the job."""
 
     def finished(self, result: Any) -> None:
         """Show the result of a completed job."""
@@ -146,7 +146,7 @@ class JobStep(Step):
             self.focus()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Show only keys that have an effect now."""
+        """Return whether an action has an effect now; the keys of other actions are hidden."""
         working = self.job is not None
         shown = {
             "start": not working,

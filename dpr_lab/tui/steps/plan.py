@@ -91,7 +91,7 @@ diagnosed first.
         return ""
 
     def outcome(self) -> str:
-        """State of the plan in a few words."""
+        """Return the state of the plan in a few words; empty without a plan."""
         if self.result is None:
             return ""
         planned, count = self.result.plan, len(self.result.plan.releases)

@@ -74,7 +74,7 @@ the selected rig.
         self._offer()
 
     def outcome(self) -> str:
-        """Name of the rig."""
+        """Return the name of the rig; empty if the rig file cannot be used."""
         return self._rig.name if self._rig is not None else ""
 
     def enter(self) -> None:

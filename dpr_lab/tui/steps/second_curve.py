@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dpr_lab.identification.compare import Comparison
 
 NOTHING, OTHER_MODEL = -1, -2
-"""Choices in addition to the runs. The runs are numbered from 0."""
+"""Numbers of the choices "none" and "second model". The runs have the numbers from 0."""
 
 
 class SecondCurve(Guarded, Horizontal):

@@ -49,7 +49,7 @@ class Display:
         """Whether the terminal supports synchronized output."""
 
     def show(self, update: CompositorUpdate, size: Size) -> None:
-        """Draw an update when it is due, unless a newer update replaces it."""
+        """Draw an update as soon as a frame may be sent; updates until then are drawn in the same frame."""
         if (self._frame.width, self._frame.height) != size:
             self._frame = CellFrame(size.width, size.height, self._colours)
             self._pace = Pace(max(size.width * size.height, 1), time.monotonic())
@@ -85,7 +85,7 @@ class Display:
         return from_environment(os.environ) or getattr(driver, "multiplexer", "")
 
     async def seen(self, patience_s: float) -> float:
-        """Wait until the operator can see the current frame, as `Sight.seen` does."""
+        """Send the current frame and wait for its confirmation; see `Sight.seen`."""
         driver = self._driver()
         if driver is None or driver.is_headless:
             raise SafetyStop(f"this screen is not drawn on a terminal, so nobody can see the countdown: {WHY_UNSEEN}")

@@ -75,11 +75,11 @@ class CellFrame:
 
     @property
     def changed(self) -> bool:
-        """Whether the terminal differs from the target."""
+        """Whether the requested content differs from the transmitted content."""
         return self._wanted != self._sent
 
     def paint(self, update: CompositorUpdate) -> None:
-        """Update the target with the output of Textual."""
+        """Update the requested content with the output of Textual."""
         if isinstance(update, LayoutUpdate):
             for y, strips in enumerate(update.strips, update.region.y):
                 x = update.region.x
@@ -112,10 +112,7 @@ class CellFrame:
         return "".join(out)
 
     def _put(self, x: int, y: int, strip: Strip) -> int:
-        """Write a strip of text that starts at a cell.
-
-        The result is the column after the end of the text.
-        """
+        """Write a strip of text from a cell on, and return the column after its end."""
         row = self._wanted[y] if 0 <= y < self.height else None
         for segment in strip:
             if segment.control:
@@ -158,9 +155,9 @@ class CellFrame:
 
 
 def _runs(wanted: Sequence[Cell], sent: Sequence[Cell]) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last cell of each section that must be sent.
+    """Yield the first cell and the end (exclusive) of each section of a row that must be sent.
 
-    A section includes unchanged cells if sending them is shorter than a cursor movement.
+    A section contains unchanged cells if their output is shorter than a cursor movement.
     """
     if wanted == sent:
         return

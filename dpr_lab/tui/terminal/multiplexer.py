@@ -15,9 +15,10 @@ remote computer."""
 IN_ATTRIBUTES = {"83": "GNU screen", "84": "tmux", "1;10;0": "mosh"}
 """Name of the multiplexer for each reply to `ESC [ > c` (secondary device attributes, DEC).
 
-A key is the terminal type or the whole reply.
+A key is the terminal type, which is the first number of the reply, or the whole reply.
 
-Sources: screen's ansi.c and tmux's input.c send the first letter of their name, mosh's terminalfunctions.cc this text.
+Sources: ansi.c of GNU screen (83 is the code of S), input.c of tmux (84 is the code of T), terminalfunctions.cc of
+mosh.
 """
 IN_VERSION = ("tmux", "screen", "zellij")
 """Texts in the reply to `ESC [ > q` (XTVERSION, xterm)."""

@@ -1,4 +1,4 @@
-"""Time of the next frame, which follows the previous one within the line capacity."""
+"""Time at which the next frame may be sent, so that the output does not exceed the capacity of the line."""
 
 from dataclasses import dataclass
 

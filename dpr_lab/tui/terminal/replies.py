@@ -41,9 +41,9 @@ class ReplyParser(XTermParser):
         return [events.Key(Keys.Ignore, sequence)] if reply else super()._sequence_to_key_events(sequence, alt)
 
     def _in_reply(self, sequence: str) -> bool:
-        """Return whether a sequence is a prefix of a reply.
+        """Return whether a sequence is a part of a reply about the type of the terminal.
 
-        The parser passes each sequence again as it grows.
+        The parser of Textual calls this method for each prefix of an escape sequence.
         """
         if self._version is not None:
             return self._goes_on(sequence)

@@ -13,6 +13,7 @@ class SightSettings:
     patience_s: float = 10.0
     """Maximum time for a slow terminal to draw the first frame of a countdown, s."""
     least_columns: int = 40
+    """Minimum width of a terminal that shows the complete dialog, columns."""
     least_rows: int = 12
     """Minimum height of a terminal that shows the complete dialog, rows."""
     code_s: float = 60.0

@@ -32,7 +32,7 @@ RELEASING = "RELEASING after the countdown. Any key but {capture.release} stops 
 CODE_FIRST = "RELEASING after you type the displayed code. Any other key stops it"
 SENT = "RELEASE sent: the latch opens. Keep clear"
 MAY_BE_FREE = "RELEASE was sent, the rods may be free: keep clear until the state of the latch is known again"
-CHOICE = "{capture.keep}: keep it  {capture.again}: put it aside and repeat"
+CHOICE = "{capture.keep}: keep it  {capture.again}: set it aside and repeat"
 TONES = {Phase.READY: "bold $success", Phase.RECORDING: "bold $primary"}
 
 
@@ -61,7 +61,7 @@ class CaptureState:
     code: bool
     """Whether the countdown starts only after the operator typed a code."""
     undecided: str
-    """Name of a run of an earlier session that was neither kept nor repeated."""
+    """Name of a recorded run that was neither kept nor repeated; empty if there is none."""
     unit: AngleUnit
     keys: KeyNames
     options: CaptureOptions
@@ -251,7 +251,7 @@ def _judgement(verdict: QualityReport) -> Iterator[Content]:
 
 
 def _placement(state: CaptureState) -> Placement | None:
-    """Return the position to set next, or None after all poses are recorded."""
+    """Return the target angles of the rods and their errors; None if there is no target or no reading."""
     if state.all_done:
         return None
     if state.attempt is not None:

@@ -118,7 +118,7 @@ class _Plot(PlotWidget, can_focus=False):
             canvas.write_text(x + 1, y, f"[{label.colour}]{label.text}")
 
     def compose(self) -> ComposeResult:
-        """Build the legend above the chart."""
+        """Build the canvases of the plot, and the legend that `PlotWidget` requires."""
         with Grid():
             for name in ("margin-top", "margin-left", "plot", "margin-bottom"):
                 yield PlainCanvas(1, 1, id=name)
@@ -189,7 +189,7 @@ class Chart(Vertical, can_focus=True):
         return x_view, self._y_view or self._content.y_range or self._y_fitting(x_view)
 
     def compose(self) -> ComposeResult:
-        """Build the legend and, below it, the chart."""
+        """Build the legend, the values at the cursors, and the plot."""
         yield self._head
         yield self._readings
         yield self._plot

@@ -53,7 +53,7 @@ def zoomed(view: Range, direction: int) -> Range:
 
 
 def moved(view: Range, direction: int) -> Range:
-    """Move a view by a share of its width."""
+    """Move a view by one pan step, a share of its width."""
     step = direction * SETTINGS.pan * (view[1] - view[0])
     return view[0] + step, view[1] + step
 

@@ -28,9 +28,8 @@ class Countdown(ModalScreen[bool]):
     """Dialog with a countdown; it returns True after all numbers were displayed.
 
     The countdown starts when the terminal has confirmed that the dialog is drawn. The result is False if a number is
-    not confirmed in time, or after any other key, a click or a loss of focus. A
-    multiplexer confirms frames even if no operator is attached. With a multiplexer the operator must therefore first
-    type a displayed code.
+    not confirmed in time, or after any other key, a click or a loss of focus. A multiplexer confirms frames even if no
+    operator is attached. With a multiplexer the operator must therefore first type a displayed code.
 
     Args:
         pose: pose of the release

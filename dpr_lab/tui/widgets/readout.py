@@ -1,4 +1,4 @@
-"""Texts shown during the placement of the rods: angles and targets, rest, latch, lost samples."""
+"""Texts of a capture: angles and targets of the rods, rest, latch, lost samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -27,7 +27,7 @@ from dpr_lab.tui.services import Services
 from dpr_lab.tui.texts import following
 from dpr_lab.tui.widgets.key_line import KeyLine
 
-COLUMNS = ("", "pose", "recorded", "s", "lost", "state", "gate", "file")
+COLUMNS = ("", "pose", "recorded", "s", "lost", "state", "checks", "file")
 CHOSEN, LEFT = "✔", " "
 
 
@@ -97,7 +97,7 @@ no samples. The reason is shown below the list.
         """Build the filter, the table, the metadata of the current run, and the keys."""
         with Vertical() as page:
             page.border_title = self._purpose
-            yield Input(placeholder="filter: words of pose, file, state, gate or note", id="filter", compact=True)
+            yield Input(placeholder="filter: words of pose, file, state, checks or note", id="filter", compact=True)
             yield Input(id="folder", classes="asked", suggester=PathSuggester(""), compact=True)
             yield Input(placeholder="note", id="note", classes="asked", compact=True)
             yield DataTable[Text](cursor_type="row", zebra_stripes=True)
