@@ -250,7 +250,7 @@ class Rig(Shown, RigTable):
         rods = {**self.rods.model_dump(), **changes}
         if rods == self.rods.model_dump():
             return self
-        return Rig.model_validate({**self.model_dump(exclude_none=True), "rods": rods})
+        return Rig.model_validate({**self.model_dump(exclude_unset=True), "rods": rods})
 
     @property
     def path(self) -> Path | None:

@@ -69,8 +69,8 @@ def export(
 ) -> None:
     """Export a model to MuJoCo, Python, URDF, SDFormat or FMI.
 
-    With --check, the accuracy of the exported model is reported. With --into, the command instead changes the
-    identified numbers in a copy of your own MJCF, URDF or SDFormat file and shows the difference. --check then compares
+    With --check, the accuracy of the exported model is reported. With --into, the command instead writes the
+    identified numbers to a copy of your own MJCF, URDF or SDFormat file and shows the difference. --check then compares
     both files on recordings. With --ensemble, the command writes models sampled from the posterior of parameters and
     causes, for domain randomisation.
 

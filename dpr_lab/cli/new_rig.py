@@ -124,7 +124,11 @@ class ArmOptions:
     gear: Annotated[float, typer.Option(help="Turns of the motor per turn of the arm.", callback=positive)] = 1.0
 
     def motor(self) -> "MotorMeasures | None":
-        """Return the motor of the arm, or None if `--input` is not given."""
+        """Return the motor of the arm, or None if `--input` is not given.
+
+        Raises:
+            BadParameter: constants of a motor are given without `--input`, or are not valid.
+        """
         from dpr_lab.workflows.rig_drive import MotorMeasures
 
         texts = {"kt": self.kt, "ke": self.ke, "resistance": self.resistance}

@@ -77,7 +77,7 @@ Folder = Annotated[Path, typer.Argument(help="Folder written by `trials draw`.")
 
 
 def _centres(rig: str | None, plant: str | None, arm: TrialArm | None) -> tuple[str, str]:
-    """Return the names of rig and plant; a missing name is replaced by the default for the mode of the arm."""
+    """Return the names of rig and plant; the default of a missing name depends on the arm."""
     default = "paper" if arm is None else "driven_double"
     return rig or default, plant or default
 

@@ -1,4 +1,4 @@
-"""Opening of reports in a browser."""
+"""Open reports in a browser."""
 
 import os
 import sys

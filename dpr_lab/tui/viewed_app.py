@@ -1,4 +1,4 @@
-"""App that can be read-only; it then permits only actions and screens without changes."""
+"""App that can be read-only: it then refuses all actions, screens and jobs that change more than the display."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from dpr_lab.tui.read_only import READ_ONLY, SCREENS, changes
 
 
 class ViewedApp(App[None]):
-    """Base of the app; on a read-only page, it refuses actions with a message."""
+    """Base class of the app, which refuses actions with an effect beyond the display on a read-only page."""
 
     read_only = False
     """Whether the page is read-only: no command is sent to a device and no file is written."""

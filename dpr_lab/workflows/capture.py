@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from dpr_lab.workflows.checks import check_folder_writable, refuse_no_poses, with_modes, with_rods
+from dpr_lab.workflows.checks import check_folder_writable, refuse_no_poses, with_options
 from dpr_lab.workflows.events import CaptureBegan, CaptureDone, CaptureProgress, DeviceGreeted, OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def capture(
     from dpr_lab.rig import load_rig
     from dpr_lab.transports import open_transport
 
-    rig = with_rods(with_modes(load_rig(rig_name), arm, inner), rods, elbow)
+    rig = with_options(load_rig(rig_name), rods=rods, elbow=elbow, arm=arm, inner=inner)
     for name in poses:
         pose_named(rig, name)
     refuse_no_poses(rig)

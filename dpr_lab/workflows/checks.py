@@ -57,44 +57,36 @@ def _try_to_write(out: Path, folder: Path, least_bytes: int = 1 << 16) -> None:
         raise ConfigError(f"{out}: cannot be written: {error.strerror}: choose another folder with --out") from error
 
 
-def with_rods(rig: "Rig", mounted: str | None, elbow: str | None) -> "Rig":
-    """Return a copy of the rig with changed mounted rods or elbow mode.
+def with_options(
+    rig: "Rig",
+    *,
+    rods: str | None = None,
+    elbow: str | None = None,
+    arm: str | None = None,
+    inner: str | None = None,
+) -> "Rig":
+    """Return the rig with other mounted rods or joint modes; None keeps the value of the rig file.
 
     Raises:
-        ConfigError: there is no joint 2 to clamp, or the rods are not supported with a moving arm.
-    """
-    try:
-        return rig.with_rods(mounted, elbow)
-    except ValueError as error:
-        if rig.arm.mode in ("free", "driven"):
-            raise ConfigError(
-                f"--rods, --elbow: the arm of {rig.name} is {rig.arm.mode}, which is supported with both rods or with"
-                " the inner rod alone, and with the elbow free"
-            ) from error
-        raise ConfigError("a single rod has no elbow: remove --rods or --elbow") from error
-
-
-def with_modes(rig: "Rig", arm: str | None, inner: str | None) -> "Rig":
-    """Return the rig with other modes of joints 0 and 1 for one session.
-
-    Raises:
-        ConfigError: this rig does not support these modes; the message states what is missing.
+        ConfigError: this rig does not support these rods and modes; the message names the options and the reason.
     """
     from pydantic import ValidationError
 
     from dpr_lab.rig import Rig
 
-    if arm is None and inner is None:
+    keys = {("rods", "mounted"): rods, ("rods", "elbow"): elbow, ("arm", "mode"): arm, ("joints", "inner"): inner}
+    described = rig.model_dump(exclude_unset=True)
+    for (table, key), value in keys.items():
+        if value is not None and getattr(getattr(rig, table), key) != value:
+            described[table] = described.get(table, {}) | {key: value}
+    if described == rig.model_dump(exclude_unset=True):
         return rig
-    table = rig.model_dump(exclude_none=True)
-    table["arm"] = table["arm"] | ({"mode": arm} if arm else {})
-    table["joints"] = table["joints"] | ({"inner": inner} if inner else {})
     try:
-        return Rig.model_validate(table)
-    except ValueError as error:
-        reason = str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
-        options = " ".join(f"--{name} {mode}" for name, mode in (("arm", arm), ("inner", inner)) if mode)
-        raise ConfigError(f"{options}: {reason.removeprefix('Value error, ')}") from error
+        return Rig.model_validate(described)
+    except ValidationError as error:
+        named = zip(("rods", "elbow", "arm", "inner"), keys.values(), strict=True)
+        given = " ".join(f"--{name} {value}" for name, value in named if value is not None)
+        raise ConfigError(f"{given}: {str(error.errors()[0]['msg']).removeprefix('Value error, ')}") from error
 
 
 def refuse_no_poses(rig: "Rig") -> None:

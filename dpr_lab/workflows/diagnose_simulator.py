@@ -177,7 +177,7 @@ def _replays(
     rig: "Rig",
     runs: "Sequence[Run]",
 ) -> "list[FileReplay]":
-    """Return the replay errors of the original and the changed file and, if any, of the file with passive forces."""
+    """Return the replay errors of the original and the changed files for each recording."""
     from dpr_lab.exports.into.replay import replay_files
 
     replays = replay_files(simulator, patched, names, model, rig, runs)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dpr_lab.errors import RunError
 from dpr_lab.shown import listed
-from dpr_lab.workflows.checks import with_rods
+from dpr_lab.workflows.checks import with_options
 from dpr_lab.workflows.events import OnEvent, ignore
 
 if TYPE_CHECKING:
@@ -87,12 +87,12 @@ def preview_table(request: ImportRequest, on_event: OnEvent = ignore) -> "Unders
     from dpr_lab.rig import load_rig
     from dpr_lab.storage.tables.understand import understand
 
-    rig = with_rods(load_rig(request.rig), request.rods, request.elbow)
+    rig = with_options(load_rig(request.rig), rods=request.rods, elbow=request.elbow)
     return understand(request.table, rig, request.options, on_event)
 
 
 def _unused(folder: Path, table: Path) -> tuple[Path, tuple[str, ...]]:
-    """Return an unused file name for the run, and a note if the folder contains runs of this table or name."""
+    """Return an unused path for the run, and a note if runs with this name exist."""
     from dpr_lab.configs import sha256_of
     from dpr_lab.storage.csv_import import table_name
 

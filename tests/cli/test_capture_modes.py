@@ -7,9 +7,9 @@ from typer.testing import CliRunner
 
 from dpr_lab.cli.app import app
 from dpr_lab.errors import ConfigError
-from dpr_lab.rig import load_rig
+from dpr_lab.rig import load_rig, parse_rig
 from dpr_lab.storage.reader import load_run
-from dpr_lab.workflows.checks import with_modes
+from dpr_lab.workflows.checks import with_options
 
 
 @pytest.mark.slow
@@ -27,9 +27,16 @@ def test_a_driven_arm_is_recorded_as_prescribed_on_request(tmp_path: Path) -> No
 
 def test_modes_that_a_rig_cannot_have_say_what_is_missing() -> None:
     paper, furuta = load_rig("paper"), load_rig("furuta")
-    assert with_modes(paper, None, None) is paper
-    assert with_modes(paper, None, "prescribed").joints.inner == "prescribed"
+    assert with_options(paper) is paper
+    assert with_options(paper, rods="both", arm="clamped") is paper
+    assert with_options(paper, inner="prescribed").joints.inner == "prescribed"
+    assert with_options(with_options(paper, rods="inner"), rods="both", inner="prescribed").rods.number == 2
     with pytest.raises(ConfigError, match=r"--arm driven: a driven arm needs \[motor\]"):
-        with_modes(paper, "driven", None)
+        with_options(paper, arm="driven")
     with pytest.raises(ConfigError, match="--inner prescribed: a prescribed inner rod needs an outer rod"):
-        with_modes(furuta, None, "prescribed")
+        with_options(furuta, inner="prescribed")
+    with pytest.raises(ConfigError, match="--rods inner: a prescribed inner rod needs an outer rod"):
+        with_options(with_options(paper, inner="prescribed"), rods="inner")
+    text = "\n".join(line for line in paper.path.read_text().splitlines() if not line.startswith("L0"))
+    with pytest.raises(ConfigError, match="--rods both --arm free: a free arm needs its length L0"):
+        with_options(parse_rig(text).with_rods("inner"), rods="both", arm="free")

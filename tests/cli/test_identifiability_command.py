@@ -6,7 +6,7 @@ import pytest
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.rig import PARAMETERS, Rig, load_rig
-from dpr_lab.workflows.checks import with_rods
+from dpr_lab.workflows.checks import with_options
 
 
 @pytest.mark.slow
@@ -68,5 +68,7 @@ def test_the_outer_rod_alone_on_a_free_arm_is_refused_with_the_reason() -> None:
     table = load_rig("paper").model_dump(exclude_none=True)
     table["rig"]["L0"] = 0.3
     free = Rig.model_validate(table | {"arm": {"mode": "free"}})
-    with pytest.raises(ConfigError, match="supported with both rods or with the inner rod"):
-        with_rods(free, "outer", None)
+    with pytest.raises(
+        ConfigError, match="--rods outer: a free arm is supported with both rods, or with the inner rod alone"
+    ):
+        with_options(free, rods="outer")

@@ -47,7 +47,7 @@ class JobStep(Step):
 
     @dataclass
     class JobDone(Message):
-        """A job finished with a result."""
+        """Event: a job finished with a result."""
 
         step: "JobStep"
 

@@ -44,7 +44,7 @@ class SecondCurve(Guarded, Horizontal):
 
     @dataclass
     class Offered(Message):
-        """The second curve has changed, or its simulation has started."""
+        """Event: the second curve has changed, or the simulation with a second model has started."""
 
         news: str = ""
 

@@ -63,7 +63,7 @@ class Step(Guarded, Vertical, can_focus=True):
         self.notify(text, severity="warning", timeout=NOTICES.news_s)
 
     def put(self, name: str, content: VisualType) -> None:
-        """Show content in the text field with this id."""
+        """Show content in the text field with the id `name`."""
         self.query_one(f"#{name}", Static).update(content)
 
     @property

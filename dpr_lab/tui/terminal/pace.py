@@ -1,4 +1,4 @@
-"""Time at which the next frame may be sent, so that the output does not exceed the capacity of the line."""
+"""Rate limit of the frames, which keeps the output within the capacity of the line."""
 
 from dataclasses import dataclass
 

@@ -364,7 +364,7 @@ class Chart(Vertical, can_focus=True):
 
 
 def _same(old: _Content, new: _Content) -> bool:
-    """Return whether two contents look the same."""
+    """Return whether two contents give the same picture."""
     if len(old.series) != len(new.series) or replace(old, series=()) != replace(new, series=()):
         return False
     return all(

@@ -14,7 +14,7 @@ ASIDE = "aside"
 
 
 def kept(runs: Iterable[Path], poses: Iterable[str]) -> dict[str, int]:
-    """Count the runs of each pose by the names of the files."""
+    """Count the runs of each pose, which is a part of the file name."""
     names = [parts[1] for run in runs if len(parts := run.stem.split("_")) > 2]
     return {pose: names.count(in_file_name(pose)) for pose in poses}
 

@@ -220,7 +220,7 @@ no samples. The reason is shown below the list.
             start_job(self, jobs.survey, paths=[path])
 
     def _find(self) -> None:
-        """Collect the runs of the folder, additional runs, and selected runs elsewhere."""
+        """List the runs of the folder, the additional runs and the selected runs, without duplicates."""
         by_path = {
             path.resolve(): path for path in (*sorted(self._folder.rglob("*.mcap")), *self._others, *self._chosen)
         }

@@ -49,6 +49,17 @@ async def test_a_rig_is_made_from_a_built_in_one_and_checked_before_it_is_saved(
         assert pilot.app.query_one(RigStep).outcome() == "mine"
 
 
+async def test_a_folder_with_the_name_of_a_built_in_rig_does_not_hide_the_rig(
+    lab, until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "furuta").mkdir()
+    async with lab(RigStep) as pilot:
+        pilot.app.query_one(RigStep).query_one(Input).value = "furuta"
+        await pilot.press("u")
+        await until(pilot, lambda: pilot.app.query_one(RigStep).outcome() == "furuta")
+
+
 async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
     mine.write_text((BUILTIN / "rigs" / "paper.toml").read_text())
