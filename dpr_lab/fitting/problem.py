@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
 
 class OutputModel(Protocol):
-    """Model that predicts encoder readings along segments, and their derivatives."""
+    """Dataclass that predicts encoder readings along segments, and their derivatives."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def constants(self) -> RigConstants:
         """Measured constants of the rig."""
-        ...
-
-    def with_constants(self, constants: RigConstants) -> "OutputModel":
-        """Return a copy of the model with changed measured constants."""
         ...
 
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
@@ -241,6 +239,14 @@ class Problem:
     def chi2(self, estimate: Estimate) -> float:
         """Return the sum of squared whitened residuals of all segments."""
         return float(self.chi2_by_segment(self.predict(estimate)).sum())
+
+    def with_constants(self, constants: RigConstants) -> Self:
+        """Return a copy whose model has other measured constants of the rig."""
+        return replace(self, model=replace(self.model, constants=constants))
+
+    def with_half_steps(self) -> Self:
+        """Return a copy with half the steps of the integrator."""
+        return replace(self, segments=replace(self.segments, step=self.segments.step / 2))
 
     def weighted(self, factor: Array) -> "Problem":
         """Return a copy with every weight multiplied by `factor` (samples, 1 or 2)."""

@@ -30,10 +30,6 @@ class RodsAlone:
 
     constants: RigConstants
 
-    def with_constants(self, constants: RigConstants) -> "RodsAlone":
-        """Return a copy of the model with changed measured constants."""
-        return RodsAlone(constants)
-
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """Return the (samples, 2) encoder readings, rad."""
         states, _ = followed(estimate.ratios, segments, estimate.initial, self.constants)

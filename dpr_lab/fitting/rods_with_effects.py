@@ -66,10 +66,6 @@ class RodsWithEffects:
 
     constants: RigConstants
 
-    def with_constants(self, constants: RigConstants) -> "RodsWithEffects":
-        """Return a copy of the model with changed measured constants."""
-        return RodsWithEffects(constants)
-
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """Return the (samples, 2) encoder readings, rad."""
         return predict(

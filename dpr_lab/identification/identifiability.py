@@ -7,7 +7,7 @@ distribution. docs/theory.md, equations 48 and 49.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -370,8 +370,8 @@ def _bench_sequence(answers: Mapping[Measurement, Array], rows: InformationRows)
 
 def _length_error(rig: Rig, Z: Array, error: float = 1e-3) -> LengthError:
     problem, estimate = expected_releases(base_parameters(Z, rig.L1, rig.g), rig, list(rig.poses.values()))
-    wrong = problem.model.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
-    refitted = fit_ratios(replace(problem, model=wrong), estimate)
+    wrong = problem.with_constants(problem.model.constants._replace(L1=rig.L1 + error))
+    refitted = fit_ratios(wrong, estimate)
     shift = refitted.ratios / estimate.ratios[: len(RATIOS)] - 1
     return LengthError(error, _named(RATIOS, shift), float(np.sqrt(1 + refitted.chi2_per_dof)))
 

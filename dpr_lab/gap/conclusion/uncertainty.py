@@ -34,7 +34,6 @@ while the others stay at their bounds.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -112,13 +111,12 @@ def _other_ratios(problem: Problem, fit: Fit, share: float) -> Iterator[Estimate
 
 def _changed_problems(problem: Problem, rig: Rig) -> Iterator[Problem]:
     """Yield a problem with half the integrator step, and one problem for each measured mass, which is increased."""
-    segments, model = problem.segments, problem.model
-    yield replace(problem, segments=replace(segments, step=segments.step / 2))
+    constants = problem.model.constants
+    yield problem.with_half_steps()
     for name in MASSES:
         std = rig.parameters[name].std
         if std is not None:
-            heavier = model.constants._replace(**{name: getattr(model.constants, name) + std})
-            yield replace(problem, model=model.with_constants(heavier))
+            yield problem.with_constants(constants._replace(**{name: getattr(constants, name) + std}))
 
 
 def second_moments(problem: Problem, fit: Fit, inflation: float) -> Array:

@@ -21,7 +21,7 @@ JCGM 100:2008 (GUM), 4.3.7 for limits without a distribution.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -83,10 +83,10 @@ def sources(problem: Problem, model: Hypothesis, recordings: Recordings, runs: F
     """
     rig, swings, level, noise = recordings.rig, runs.swings, model.residuals.level, model.residuals.independent_noise
     origin = "half the step of the Runge-Kutta method, with refitted values"
-    changes, _ = _changes(problem, model, runs, _halved)
+    changes, _ = _changes(problem, model, runs, Problem.with_half_steps)
     yield Source("integrator", "numerical", origin, [(ASSUMED.richardson * change) ** 2 for change in changes])
     for name, origin, constants in _changed(problem.model.constants, rig, problem.always):
-        changes, left = _changes(problem, model, runs, partial(_with_constants, constants=constants))
+        changes, left = _changes(problem, model, runs, partial(Problem.with_constants, constants=constants))
         yield Source(name, "input", origin, [(left * change) ** 2 for change in changes], left)
     if not all(setup.free and setup.inner is None for setup in problem.segments.setups):
         origin = "noise of measured torques, and of the readings of a prescribed joint"
@@ -125,14 +125,6 @@ def _changes(
         for swing, direct in zip(runs.swings, runs.changes_with(change), strict=True)
     ]
     return changes, float((1 + np.sum(remaining**2) / model.inflation) ** -0.5)
-
-
-def _halved(problem: Problem) -> Problem:
-    return replace(problem, segments=replace(problem.segments, step=problem.segments.step / 2))
-
-
-def _with_constants(problem: Problem, constants: RigConstants) -> Problem:
-    return replace(problem, model=problem.model.with_constants(constants))
 
 
 def _by_inputs(recordings: Recordings, runs: FreeRuns) -> list[Array]:

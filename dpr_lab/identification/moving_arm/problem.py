@@ -62,10 +62,6 @@ class ArmSwings:
     free: Flags
     """(segments, 6) mask of the free entries of the initial state, in the order of `Segments.states`."""
 
-    def with_constants(self, constants: RigConstants) -> "ArmSwings":
-        """Return a copy of the model with changed measured constants."""
-        return replace(self, constants=constants)
-
     def predict(self, segments: Segments, estimate: Estimate) -> Array:
         """Predict the readings (samples, 3) of joints 0, 1 and 2, rad.
 
