@@ -1,7 +1,7 @@
 """Conversion of device ticks to host time, with uncertainty.
 
 Each answered PING gives an exchange: the host time t_sent of the PING, the device time at its arrival, and the host
-time t_received of the answer. The device read its clock between both host times, near the middle if the round trip was
+time t_received of the answer. The device read its clock between these host times, near the middle if the round trip was
 short.
 """
 
@@ -24,7 +24,7 @@ FEWEST = 5
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """A PING and its PONG: host times of both, s, and device time in between, ticks."""
+    """A PING and its PONG: host times of sending and receiving, s, and device time in between, ticks."""
 
     t_sent: float
     ticks: float

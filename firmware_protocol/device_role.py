@@ -69,7 +69,7 @@ class DeviceSession:
     the latch; `Stream`: restart the tick at 0 and sample (send three `positions` first); `Release`: open the latch and
     send `released(tick)`; `Stop`: stop sampling; `ClearFault`: retry; `Ping`: send `pong`. It calls `check_lease`
     regularly and, once `greeted`, sends a `report` ten times per second. Times are in seconds of any monotonic clock.
-    Ticks and positions are those of the device and may have any size.
+    Ticks and positions may have any size.
     """
 
     def __init__(self, identity: DeviceInfo, node: int = DEVICE_NODE):

@@ -28,7 +28,9 @@ def crc16(data: bytes) -> int:
 
 
 def cobs_encode(data: bytes) -> bytes:
-    """Encode data by COBS. The result contains no zeros, and has one additional byte for each 254 bytes of data.
+    """Encode data by COBS. The result contains no zeros.
+
+    It has one byte more than the data, and at most one further byte for each 254 bytes of data.
 
     Source: Cheshire & Baker (1999), IEEE/ACM Transactions on Networking 7(2) 159-172.
     """

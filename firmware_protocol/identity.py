@@ -116,19 +116,6 @@ def _quantity(number: int) -> ArmQuantity:
     return ArmQuantity(number)
 
 
-def same_major(major: int) -> bool:
-    """Return whether both sides have the same major version."""
-    return major == PROTOCOL_VERSION[0]
-
-
-def same_schema(minor: int, schema_hash: int) -> bool:
-    """Return whether two sides with the same minor version were built from the same dpr.dbc.
-
-    The result is also true for another minor version.
-    """
-    return minor != PROTOCOL_VERSION[1] or schema_hash == SCHEMA_HASH
-
-
 def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
     """Return the reason why this host cannot communicate with a device, from INFO page 0; None if it can.
 
@@ -137,11 +124,11 @@ def mismatch(protocol_page: Mapping[str, int]) -> VersionMismatch | None:
     """
     major, minor = protocol_page["major"], protocol_page["minor"]
     version = f"{PROTOCOL_VERSION[0]}.{PROTOCOL_VERSION[1]}"
-    if not same_major(major):
+    if major != PROTOCOL_VERSION[0]:
         return VersionMismatch(
             f"the device uses protocol {major}.{minor} and this dpr-lab {version}: {_upgrade(major)}"
         )
-    if not same_schema(minor, protocol_page["schema_hash"]):
+    if minor == PROTOCOL_VERSION[1] and protocol_page["schema_hash"] != SCHEMA_HASH:
         return VersionMismatch(
             f"the device and this dpr-lab both use protocol {version}, but from different dpr.dbc files"
             f" ({protocol_page['schema_hash']:08x} and {SCHEMA_HASH:08x}): flash the firmware built from the same"

@@ -274,7 +274,7 @@ class HeldPose:
             raise SafetyStop(f"the release was permitted, but {restless}; nothing was released, the rods stay held")
 
     def _look(self, timeout: float) -> str:
-        """Process new samples; return the reason against a release, or an empty text."""
+        """Process new samples; return the reason why a release is not permitted, empty if it is permitted."""
         batches = self._device.poll(timeout)
         raise_faults(self._device.url, batches)
         _raise_if_open(self._device.url, batches)
@@ -292,7 +292,7 @@ class HeldPose:
         return reading.restless or self._denied()
 
     def _denied(self) -> str:
-        """Return the reason against a release, from the last STATUS.
+        """Return the reason why the last STATUS does not permit a release.
 
         The text is empty if the device holds the rods and streams.
         """

@@ -14,7 +14,7 @@ def unbroken() -> Iterator[None]:
     locked. Only the main thread receives signals; in other threads the context has no effect.
 
     Raises:
-        KeyboardInterrupt: one of both signals arrived during the block.
+        KeyboardInterrupt: one of these signals arrived during the block.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

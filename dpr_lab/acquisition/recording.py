@@ -32,7 +32,7 @@ class Recording:
         duration: duration after the release, s; later samples are ignored, so that the length of a run does not depend
             on the speed of the host
         hanging: deviation of the hanging rods from the vertical before they were raised, rad; None if not measured
-        limits: limits of a good recording
+        limits: limits of the quality checks
     """
 
     def __init__(
@@ -199,8 +199,8 @@ class Recording:
     def lost(self) -> dict[str, int]:
         """Number of samples lost during this recording, by cause.
 
-        Every missing tick counts once: as damaged or overrun if the link or the device reported the loss, otherwise as
-        `tick_gap`.
+        Every missing tick counts once: under the cause that the link or the device reported, or as `tick_gap` if
+        neither reported the loss.
         """
         lost = {cause: count - self._lost_before.get(cause, 0) for cause, count in self._lost.items()}
         explained = sum(number for cause, number in lost.items() if cause != "tick_gap")

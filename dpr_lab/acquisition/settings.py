@@ -50,7 +50,7 @@ class RestLimits:
 
 @dataclass(frozen=True, slots=True)
 class QualityLimits:
-    """Limits of a good recording."""
+    """Limits of the quality checks of a recording."""
 
     rest: RestLimits = RestLimits()
     release_window_s: float = 0.02

@@ -214,7 +214,7 @@ def _release(device: Device) -> None:
 class _Pace:
     """Monitor of the rate at which samples arrive.
 
-    If far too few samples arrive, it raises an exception, because the recording might otherwise never end.
+    It raises an exception if far too few samples arrive, because the recording would then take too long.
     """
 
     def __init__(self, device: Device, recording: Recording, settings: CaptureSettings) -> None:

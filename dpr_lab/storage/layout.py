@@ -2,7 +2,7 @@
 
 On every channel, `log_time` counts nanoseconds from the start of the stream. For samples and for events with a tick,
 `log_time` is the device time, tick / rate_hz. For an imported table, it is the time column. On the other channels,
-`log_time` is the host time since the first received host time. There, `publish_time` is the host time itself.
+`log_time` is the host time since the first message, and `publish_time` is the host time itself.
 """
 
 import hashlib

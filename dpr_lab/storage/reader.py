@@ -186,7 +186,7 @@ def _torques(samples: Samples) -> tuple[Array | None, Array | None]:
 
 
 def arm_mode(stored: Scan) -> ArmMode:
-    """Return the mode of the arm that the run states, otherwise that of its rig.
+    """Return the mode of the arm in a run, or in its rig if the run states none.
 
     If the rig has a driven arm and the run states no mode, the arm counts as prescribed. A device may send only the
     angle of the arm.
@@ -199,7 +199,7 @@ def arm_mode(stored: Scan) -> ArmMode:
 
 
 def inner_mode(stored: Scan) -> InnerMode:
-    """Return the mode of the inner rod from the run, otherwise from its rig.
+    """Return the mode of the inner rod in a run, or in its rig if the run states none.
 
     Raises:
         RunError: the mode is unknown.

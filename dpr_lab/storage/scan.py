@@ -97,7 +97,7 @@ class Scan:
 
     @property
     def release_tick(self) -> int | None:
-        """Tick of the release from the end record, otherwise from its event.
+        """Tick of the release from the end record, or from the event if the end record lacks it.
 
         Raises:
             RunError: an event does not have the layout of a run.
@@ -217,10 +217,7 @@ def stored_messages(path: Path) -> Generator[Stored]:
 
 
 def _ending(path: Path, collected: _Collected) -> tuple[RunSummary | None, str, int | None]:
-    """Return the end record, the reason for an early end, and the sample count.
-
-    The count is that of the end record.
-    """
+    """Return the summary, the reason for an early end, and the sample count in the end record."""
     end = collected.records.get(END)
     if end is None:
         return None, "", None

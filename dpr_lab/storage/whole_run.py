@@ -45,7 +45,8 @@ def whole_run(path: Path | str, metadata: RunMetadata) -> Iterator[RunWriter]:
 def _publish(part: Path, path: Path) -> None:
     """Give a complete file its final name, then write its hash file.
 
-    If the process is killed between both, the run is complete, and `dpr-lab run verify` reports the missing hash.
+    If the process is killed between these two steps, the run is complete, and `dpr-lab run verify` reports the missing
+    hash.
     """
     try:
         try:

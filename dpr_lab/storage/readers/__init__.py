@@ -1,4 +1,4 @@
-"""Convert data files to tables; each format has one module and an entry in `READERS`.
+"""Read data files of many formats as tables; each format has an entry in `READERS`.
 
 arrays        named arrays as columns of a table; limits of their size
 merged        rows of a log that contain only other quantities

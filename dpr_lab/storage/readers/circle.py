@@ -1,4 +1,4 @@
-"""Fit a circle to the path of a tracked point, robustly to frames in which the tracker followed another object.
+"""Fit a circle to the path of a tracked point; the tracker may have followed another object in some frames.
 
 The algebraic fit is linear, but noise makes its radius too small: by 22 % on an arc of +-0.2 rad with errors of 0.3 %
 of the radius. The algebraic fit only selects the points near the circle. The final circle has the least squared

@@ -60,7 +60,7 @@ def read_mcap(path: Path, take: Sequence[str]) -> Table:
 
 
 def read_sqlite(path: Path, take: Sequence[str]) -> Table:
-    """Read the joint positions of the `.db3` file of a bag.
+    """Read the joint positions of a `.db3` file of a ROS 2 bag.
 
     See `read_mcap` for arguments and errors.
     """
@@ -70,7 +70,7 @@ def read_sqlite(path: Path, take: Sequence[str]) -> Table:
 def read_bag(folder: Path, take: Sequence[str]) -> Table:
     """Read the joint positions of a ROS 2 bag, which is a folder with `metadata.yaml`.
 
-    The argument `take` and the errors are those of `read_mcap`.
+    See `read_mcap` for the argument `take` and the errors.
     """
     if not (folder / "metadata.yaml").is_file():
         raise RunError(

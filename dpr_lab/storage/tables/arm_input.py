@@ -48,7 +48,8 @@ _PLACE = re.compile("(?:x|pos|position)([cm]?m)?")
 """Pattern of ambiguous names for the position of a cart: they may also denote angles or points. They are used only if
 no column has an unambiguous name."""
 _HEIGHT = re.compile("y([cm]?m|px|pixels?)?")
-"""Pattern of the height of a point. A cart has no height, so a column x next to a height is that of a tracked point."""
+"""Pattern of the height of a point. A cart has no height, so a column x in a table with a height belongs to a
+tracked point."""
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _ANGLES = {"rad": 1.0, "deg": 180 / math.pi}
 
@@ -231,10 +232,7 @@ def _matching(pattern: str, names: Sequence[str]) -> dict[str, re.Match[str]]:
 
 
 def _other_input(names: Sequence[str], motor: MotorTable) -> str:
-    """Advise the user if the input in a table is of a different kind than in the rig file.
-
-    Otherwise the text is empty.
-    """
+    """Return advice if a table contains an input of another kind than the rig file; otherwise an empty text."""
     for kind, constant in (("torque", ""), ("current", ", with kt if it is known"), ("voltage", ", with kt and R")):
         columns = _columns_of(kind, names) if kind != motor.input else {}
         for name in columns:
@@ -243,10 +241,7 @@ def _other_input(names: Sequence[str], motor: MotorTable) -> str:
 
 
 def _gain_note(motor: MotorTable) -> list[str]:
-    """Return a note if the rig file lacks a constant that converts the input to a torque.
-
-    Otherwise the list is empty.
-    """
+    """Return a note if the rig file lacks a constant that converts the input to a torque; otherwise an empty list."""
     needed = {"current": ("kt",), "voltage": ("kt", "R")}.get(motor.input, ())
     missing = [name for name in needed if getattr(motor, name) is None]
     if not missing:
@@ -258,10 +253,7 @@ def _gain_note(motor: MotorTable) -> list[str]:
 
 
 def unused_input(names: Sequence[str], mode: str | None) -> list[str]:
-    """Return notes about unused columns of a drive input if the arm is free.
-
-    Otherwise the list is empty.
-    """
+    """Return a note for each column of a drive input that is unused because the arm is free."""
     if mode != "free":
         return []
     words = "|".join(_NAMES[kind].split("|")[0] for kind in ("torque", "current", "voltage"))

@@ -114,7 +114,7 @@ def guess_columns(names: Sequence[str], unit: str = "rad", time_unit: str = "s")
 
 
 def _matches(names: Sequence[str], patterns: Sequence[str]) -> list[str]:
-    """Return the names that match the first pattern with a match."""
+    """Return the names that match a pattern; the first pattern that any name matches is used."""
     matches = ([name for name in names if re.fullmatch(pattern, bare(name))] for pattern in patterns)
     return next(filter(None, matches), [])
 

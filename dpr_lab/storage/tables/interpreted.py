@@ -27,8 +27,8 @@ class QuestionSettings:
     refused_rows_a_period: float = 2.0
     """Minimum number of rows per period, below which the table is refused: the samples do not resolve the swing."""
     still_share: float = 0.002
-    """Maximum excursion of a rod, relative to that of the other rod, for which its column counts as constant. Coupled
-    rods always move together."""
+    """Maximum excursion of a rod, relative to the excursion of the other rod, for which its column counts as constant.
+    Coupled rods always move together."""
     stiff_rad: float = 0.02
     """Maximum range of joint 2 for which it counts as fixed: absolute, rad, and relative to the excursion of the
     rods."""

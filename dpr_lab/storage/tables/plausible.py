@@ -199,10 +199,7 @@ def turn_notes(angles: Mapping[str, Array]) -> list[str]:
 
 
 def outliers(angles: Array) -> Flags:
-    """Detect impossibly large angles, and angles that jump away and back.
-
-    A jump returns within a few rows. The result is a mask (n,) of these outliers.
-    """
+    """Return the mask (n,) of impossibly large angles, and of angles that jump away and back within a few rows."""
     wild = np.abs(angles) > PLAUSIBLE.angle
     if not wild.any() and not _jumps(angles):
         return wild
@@ -359,10 +356,7 @@ def _between_turning_points(angle: Array) -> float:
 
 
 def recorded_by_stamps(first_s: float) -> str:
-    """Return date and time (UTC) of the first row if times are seconds since 1970.
-
-    Otherwise the text is empty.
-    """
+    """Return date and time (UTC) of the first row if times are seconds since 1970; otherwise an empty text."""
     if not PLAUSIBLE.stamps_s[0] <= first_s <= PLAUSIBLE.stamps_s[1]:
         return ""
     return datetime.fromtimestamp(first_s, UTC).isoformat(timespec="seconds")

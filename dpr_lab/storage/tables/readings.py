@@ -17,7 +17,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 
 @dataclass(frozen=True, slots=True)
-class ReadingSettings:
+class InterpretationSettings:
     """Limits beyond which a different interpretation of a table is proposed."""
 
     right: float = 0.15
@@ -58,12 +58,12 @@ class ReadingSettings:
     """Minimum factor by which a zero beyond `wrong_zero_rad` must reduce the torque residual."""
 
 
-READ = ReadingSettings()
+READ = InterpretationSettings()
 BROKEN = "the energy of the swing is not conserved, but it is"
 
 
 @dataclass(frozen=True, slots=True)
-class OtherReading:
+class Interpretation:
     """Another interpretation of a table."""
 
     causes: tuple[str, ...]
@@ -96,7 +96,7 @@ class OtherReading:
         return " and ".join(self.causes) + (f" ({' '.join(self.mend)})" if self.mend else "")
 
     @property
-    def mirrored(self) -> "OtherReading":
+    def mirrored(self) -> "Interpretation":
         """Interpretation with mirrored rods; the energy of the rods is the same."""
         turned = {axis: -self.values[axis] for axis in AXES[1:]}
         signs, offset = (-self.scale[0], -self.scale[1]), (-self.offset[0], -self.offset[1])
@@ -104,13 +104,13 @@ class OtherReading:
         return replace(self, causes=causes, values={**self.values, **turned}, scale=signs, offset=offset)
 
 
-def energy_residual(read: InterpretedTable, other: OtherReading) -> float:
+def energy_residual(read: InterpretedTable, other: Interpretation) -> float:
     """Return the energy residual of an interpretation; infinite if the rods hardly move."""
     fit = energy_fit(read.t * other.time_factor, read.rods(other.values, other.options), read.torques, read.rig)
     return np.inf if fit is None else fit.residual
 
 
-def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading]:
+def better_interpretations(fit: EnergyFit, read: InterpretedTable) -> list[Interpretation]:
     """List interpretations with a clearly smaller energy residual than `fit`.
 
     Of interpretations with similar residuals, only those with the fewest differences are listed.
@@ -118,7 +118,7 @@ def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading
     if fit.residual <= READ.right:
         return []
     slower = [_slower(read, fit.time_scale)] if np.isfinite(fit.time_scale) else []
-    residuals = ((energy_residual(read, reading), reading) for reading in (*other_readings(read), *slower))
+    residuals = ((energy_residual(read, reading), reading) for reading in (*other_interpretations(read), *slower))
     limit = min(READ.sure, fit.residual / READ.better)
     tried = [(residual, reading) for residual, reading in residuals if residual < limit]
     free = read.torques is None and not read.drive
@@ -128,13 +128,13 @@ def better_readings(fit: EnergyFit, read: InterpretedTable) -> list[OtherReading
     return fewest_changes([reading for residual, reading in tried if residual <= READ.alike * best])
 
 
-def fewest_changes(readings: Sequence[OtherReading]) -> list[OtherReading]:
+def fewest_changes(readings: Sequence[Interpretation]) -> list[Interpretation]:
     """Select the interpretations with the fewest differences from the given one."""
     fewest = min((len(reading.causes) for reading in readings), default=0)
     return [reading for reading in readings if len(reading.causes) == fewest]
 
 
-def read_otherwise(broken: str, others: list[OtherReading], read: InterpretedTable) -> TableQuestion:
+def read_otherwise(broken: str, others: list[Interpretation], read: InterpretedTable) -> TableQuestion:
     """Compose the warning about an inconsistency, with the interpretations of the table without it.
 
     `broken` describes the inconsistency. If there is only one such interpretation, the warning contains its options as
@@ -150,10 +150,11 @@ def read_otherwise(broken: str, others: list[OtherReading], read: InterpretedTab
     return TableQuestion(f"with these options {broken} if {causes}", others[0].mend if len(others) == 1 else ())
 
 
-def _distance_of_zeros(read: InterpretedTable, other: OtherReading) -> float:
-    """Return the largest distance, rad, from the zeros of an interpretation to those of both balances.
+def _distance_of_zeros(read: InterpretedTable, other: Interpretation) -> float:
+    """Return the largest difference, rad, between the zeros of an interpretation and those that fit best.
 
-    Energy and accelerations depend differently on friction. The result is 0 if both are unknown.
+    The energy and the accelerations give two estimates of the zeros, which depend differently on friction. The result
+    is 0 if neither can be computed.
     """
     rods = read.rods(other.values, other.options)
     balance = torque_balance(read.t, rods, read.torques, read.rig)
@@ -163,7 +164,7 @@ def _distance_of_zeros(read: InterpretedTable, other: OtherReading) -> float:
     return float(np.abs(zeros).max(initial=0.0))
 
 
-def _as_counts(read: InterpretedTable) -> OtherReading | None:
+def _as_counts(read: InterpretedTable) -> Interpretation | None:
     """Create an interpretation of integers as encoder counts, possibly with other zeros.
 
     The result is None unless the energy of a free swing is conserved in this interpretation.
@@ -173,7 +174,7 @@ def _as_counts(read: InterpretedTable) -> OtherReading | None:
         return None
     counted = replace(read, options=replace(read.options, unit="counts", wrap=None))
     right = _conserves(energy_fit(read.t, counted.rods(read.values, counted.options), None, read.rig))
-    moved = OtherReading((), (), read.values, counted.options) if right else _with_other_zeros(counted)
+    moved = Interpretation((), (), read.values, counted.options) if right else _with_other_zeros(counted)
     if moved is None:
         return None
     causes = ("the angles are counts of the encoders", *moved.causes)
@@ -185,7 +186,7 @@ def _conserves(fit: EnergyFit | None) -> bool:
     return fit is not None and fit.residual <= READ.right / READ.alike
 
 
-def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
+def _with_other_zeros(read: InterpretedTable) -> Interpretation | None:
     """Create an interpretation with other zeros, in which a free swing conserves its energy.
 
     The result is None if there are no such zeros, or if they differ so little that a diagnosis fits them.
@@ -198,7 +199,7 @@ def _with_other_zeros(read: InterpretedTable) -> OtherReading | None:
     return moved if moved.mend or read.options.unit == "counts" else None
 
 
-def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
+def balanced_interpretations(read: InterpretedTable) -> list[Interpretation]:
     """List interpretations with a clearly smaller residual of the torque balance.
 
     Of interpretations with similar residuals, only those with the fewest differences are listed.
@@ -210,11 +211,11 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
     equations = balance(read.values, read.options)
     if equations is None or (residual := equations.residual()) <= READ.balanced:
         return []
-    residuals: list[tuple[float, OtherReading]] = []
+    residuals: list[tuple[float, Interpretation]] = []
     nearest = equations.zeros(nearest=True)
     balancing = nearest if residual <= READ.near_balance else equations.zeros()
     zeros = _with_zeros(read, balancing)
-    for reading in (*other_readings(read), *(() if read.drive else (zeros,))):
+    for reading in (*other_interpretations(read), *(() if read.drive else (zeros,))):
         other = None if reading.time_factor != 1 else balance(reading.values, reading.options)
         if other is not None:
             residuals.append((other.residual(), reading))
@@ -229,7 +230,7 @@ def balanced_readings(read: InterpretedTable) -> list[OtherReading]:
     return [_with_zeros(read, nearest)] if wrong_zero else []
 
 
-def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
+def _with_zeros(read: InterpretedTable, added: ArrayLike) -> Interpretation:
     """Create an interpretation in which two offsets, rad, are added to the absolute angles.
 
     The offsets are stated by --zero, --offset or zero_counts.
@@ -250,10 +251,10 @@ def _with_zeros(read: InterpretedTable, added: ArrayLike) -> OtherReading:
         zeros[0] += round(turn * round((float(np.median(values["theta1"])) - zeros[0]) / turn))
     of_joint2 = f" and {zeros[1]} for joint 2" if rig.rods.mounted == "both" else ""
     cause = f"zero_counts of the rig file is {zeros[0]} for joint 1{of_joint2}"
-    return OtherReading((cause,), (), {**values, **moved}, options)
+    return Interpretation((cause,), (), {**values, **moved}, options)
 
 
-def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0) -> OtherReading:
+def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0) -> Interpretation:
     """Create an interpretation with two offsets added to the absolute angles.
 
     Small offsets are omitted.
@@ -273,13 +274,13 @@ def with_zeros(read: InterpretedTable, added: ArrayLike, tolerance: float = 0.0)
     offset = tuple(round(zero / unit, digits) if abs(zero) > READ.zero_rad else 0.0 for zero in columns)
     moved = {axis: values[axis] + value for axis, value in zip(AXES[1:], offset, strict=True)}
     causes = ("the angles have other zeros",)
-    return OtherReading(causes, (), {**values, **moved}, options, offset=(offset[0], offset[1]))
+    return Interpretation(causes, (), {**values, **moved}, options, offset=(offset[0], offset[1]))
 
 
 def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[str, str]:
     """Return name and text of an option.
 
-    The text is one value if it is the same for both rods; otherwise it contains a value for each rod.
+    The text is one value if it is equal for both rods; otherwise it contains a value for each rod.
     """
     if set(value) == set(AXES[1:]) and len(set(value.values())) == 1:
         return option, f"{value['theta1']:g}"
@@ -288,7 +289,7 @@ def _per_rod(option: str, value: Mapping[str, float], neutral: float) -> tuple[s
     )
 
 
-def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
+def other_interpretations(read: InterpretedTable) -> Iterator[Interpretation]:
     """Yield interpretations with a different zero, reference, sign, order, unit or scale."""
     options = read.options
     counted, both_rods = options.unit == "counts", read.rig.rods.mounting == "both"
@@ -311,7 +312,7 @@ def other_readings(read: InterpretedTable) -> Iterator[OtherReading]:
     for unit in TO_SECONDS if options.rate_hz is None else ():
         factor = TO_SECONDS[unit] / TO_SECONDS[options.time_unit or "s"]
         if factor != 1:
-            yield OtherReading((f"the times are in {unit}",), ("--time-unit", unit), read.values, options, factor)
+            yield Interpretation((f"the times are in {unit}",), ("--time-unit", unit), read.values, options, factor)
 
 
 def unit_words(read: InterpretedTable) -> tuple[str, ...]:
@@ -328,7 +329,7 @@ def unit_words(read: InterpretedTable) -> tuple[str, ...]:
     return _per_rod("--scale", scale, 1.0)
 
 
-def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:
+def _scaled(read: InterpretedTable) -> Iterator[Interpretation]:
     """Yield interpretations in which the readings of one or both rods are halved or doubled."""
     values, options, rig = read.values, read.options, read.rig
     counted = options.unit == "counts"
@@ -347,10 +348,10 @@ def _scaled(read: InterpretedTable) -> Iterator[OtherReading]:
         else:
             which = "the angles" if len(joints) > 1 else f"theta{joints[0]}"
             cause = f"{which} must be multiplied by {factor:g}"
-        yield OtherReading((cause,), (), {**values, **turned}, options, scale=scale)
+        yield Interpretation((cause,), (), {**values, **turned}, options, scale=scale)
 
 
-def _slower(read: InterpretedTable, factor: float) -> OtherReading:
+def _slower(read: InterpretedTable, factor: float) -> Interpretation:
     """Create an interpretation in which the times of the table are multiplied by a factor."""
     if read.options.rate_hz is not None:
         cause = f"the rate is about {read.near_frames(read.options.rate_hz / factor):.3g} Hz (--rate-hz)"
@@ -359,12 +360,12 @@ def _slower(read: InterpretedTable, factor: float) -> OtherReading:
             f"one second of the table is about {factor:.3g} s: the clock of the logger is wrong, or the"
             " rate is known and replaces the times (--rate-hz)"
         )
-    return OtherReading((cause,), (), read.values, read.options, factor)
+    return Interpretation((cause,), (), read.values, read.options, factor)
 
 
 def _changed(
     read: InterpretedTable, *, zero: bool = False, reference: bool = False, sign: bool = False, swap: bool = False
-) -> OtherReading:
+) -> Interpretation:
     causes, words, changed, options = [], [], dict(read.values), read.options
     if swap:
         changed |= {"theta1": changed["theta2"], "theta2": changed["theta1"]}
@@ -383,4 +384,4 @@ def _changed(
     if sign:
         changed["theta2"] = -changed["theta2"]
         causes.append("the angle of one rod has the opposite sign (direction of its encoder)")
-    return OtherReading(tuple(causes), tuple(words), changed, options, scale=(1.0, -1.0 if sign else 1.0))
+    return Interpretation(tuple(causes), tuple(words), changed, options, scale=(1.0, -1.0 if sign else 1.0))

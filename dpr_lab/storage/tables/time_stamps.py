@@ -284,7 +284,7 @@ def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array
 
 
 def without_speed(columns: Mapping[str, Array], t: Array) -> list[str]:
-    """Return the names of two columns, or only that of the angle if the other column is its speed.
+    """Return the names of two columns, or of only one if the other column is its speed.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
     the opposite sign of the angle.

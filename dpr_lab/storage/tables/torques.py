@@ -21,7 +21,7 @@ PASSIVE = "none"
 """Substitute name of the torque column of a joint without a drive."""
 KIND_WORDS = {"meas": "measured"} | dict.fromkeys(("command", "cmd", "desired", "des"), "commanded")
 KIND_WORDS |= dict(zip(KINDS, KINDS, strict=True))
-"""Kind of a torque by the word for it in a column name."""
+"""Kind of a torque by its word in a column name, such as `cmd`."""
 TORQUE_WORDS = "tau|torque|trq|effort"
 TORQUE_UNITS = {"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2}
 _SET_POINT = re.compile(r"(?<![a-z])(goal|target|desired|reference|set[\W_]?points?)(?![a-z])", re.I)
@@ -84,7 +84,9 @@ def find_torques(
     kinds_used = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)
     chosen = {kind: by_kind[kind] for kind in kinds_used if by_kind[kind]}
     if source in KINDS and not chosen:
-        raise RunError(f"{path}: has no column of {source} torques; its columns: {', '.join(names)}")
+        raise RunError(
+            f"{path}: has no column of {source} torques (--torque {source}); its columns: {', '.join(names)}"
+        )
     by_joint = {joint: name for name, joint in driven.items()}
     for kind, pair in chosen.items():
         for joint in by_joint.keys() - pair.keys():
@@ -133,7 +135,7 @@ def unnumbered(names: Sequence[str], driving: Pairs, options: ImportOptions) -> 
 def torque_column(table: Table, name: str) -> Array:
     """Return the torques of a column, N m; zeros for a passive joint.
 
-    The unit is that in the name of the column.
+    The values are converted from the unit in the name of the column.
 
     Raises:
         RunError: the column has another length.

@@ -50,7 +50,7 @@ class Understood:
     film_noise: FilmNoise | None = None
     """Noise of angles from points in a video."""
     at_edges: bool = False
-    """Whether the logger sent a row at each encoder count. The angles are then those of the edges between counts."""
+    """Whether the logger sent a row at each encoder count. The angles are then the edges between counts."""
 
     @property
     def t(self) -> Array:

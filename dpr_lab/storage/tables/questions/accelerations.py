@@ -13,14 +13,14 @@ from dpr_lab.shown import percent
 from dpr_lab.storage.tables.angles import angles
 from dpr_lab.storage.tables.columns import TO_RADIANS
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import balanced_readings, read_otherwise
+from dpr_lab.storage.tables.readings import balanced_interpretations, read_otherwise
 
 
 def balance_questions(table: InterpretedTable) -> list[TableQuestion]:
     """Warn if other zeros, scales or signs agree better with the accelerations of the swing."""
     if table.prescribed:
         return []
-    others = balanced_readings(table.beginning())
+    others = balanced_interpretations(table.beginning())
     broken = "the accelerations do not follow from gravity and friction, but they do"
     return [read_otherwise(broken, others, table.beginning())] if others else []
 

@@ -25,16 +25,16 @@ from dpr_lab.storage.tables.questions.torques import better_torques
 from dpr_lab.storage.tables.readings import (
     BROKEN,
     READ,
-    OtherReading,
-    better_readings,
+    Interpretation,
+    better_interpretations,
     energy_residual,
-    other_readings,
+    other_interpretations,
     read_otherwise,
     with_zeros,
 )
 
 
-def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[OtherReading]]:
+def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list[Interpretation]]:
     """Warn about units, zeros, signs and column order from the energy of the swing.
 
     Returns:
@@ -45,7 +45,7 @@ def energy_questions(table: InterpretedTable) -> tuple[list[TableQuestion], list
     residual, others = math.nan, []
     if fit is not None and not table.prescribed:
         residual = fit.residual
-        others = better_readings(fit, read)
+        others = better_interpretations(fit, read)
         if others and all(other.scale != (1.0, 1.0) for other in others):
             others += [other for other in _turned(read) if energy_residual(read, other) < READ.sure]
         if not others and (doubts := better_torques(fit, read)):
@@ -107,7 +107,9 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
     proposed as a correction, because it does not conserve the energy either.
     """
     turned = _turned(read)
-    others = (other for other in other_readings(read) if other.mend and (not turned or other.scale == (1.0, 1.0)))
+    others = (
+        other for other in other_interpretations(read) if other.mend and (not turned or other.scale == (1.0, 1.0))
+    )
     fits = sorted((energy_residual(read, other), other.sentence) for other in (*others, *turned))
     (least, sentence), (second, _) = [*fits, *[(math.inf, "")] * 2][:2]
     lead, most = SETTINGS.nearest
@@ -150,7 +152,7 @@ def _explained_part(table: InterpretedTable) -> str:
     return ""
 
 
-def _turned(read: InterpretedTable) -> list[OtherReading]:
+def _turned(read: InterpretedTable) -> list[Interpretation]:
     """Return an interpretation in which a single free rod hangs at an angle other than 0 or half a turn.
 
     The list is empty if the rod does not hang at such an angle. If it hangs at 90 degrees of the table, the doubled
@@ -180,8 +182,9 @@ def _unit_of_time(table: InterpretedTable, unit: str, scale: float | None = None
     Args:
         table: the table
         unit: the nearest unit
-        scale: true duration divided by the duration in the current unit, if the energy determines it. Whole numbers
-            whose scale agrees with no unit are the numbers of rows, if the smallest step divides all steps.
+        scale: true duration divided by the duration in the current unit; None if the energy does not determine it. If
+            the scale agrees with no unit, whole numbers whose steps are multiples of the smallest step count as row
+            numbers.
     """
     factor = TO_SECONDS[table.options.time_unit or "s"]
     duration_s = table.t[-1] - table.t[0]

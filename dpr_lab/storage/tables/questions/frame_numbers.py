@@ -66,7 +66,7 @@ def counted_frames(table: Table) -> tuple[str, int]:
 def frame_step_note(name: str, step: int, rate_hz: float) -> str:
     """Compose the note about a column of frame numbers with steps larger than 1.
 
-    The given rate may then be that of all frames, not of the rows. A column without a name may instead contain the
+    The given rate may then be the rate of all frames, not of the rows. A column without a name may instead contain the
     times of rows at the given rate, in ms or us.
     """
     unit = {1e3: "ms", 1e6: "us"}.get(round(step * rate_hz, 6), "")

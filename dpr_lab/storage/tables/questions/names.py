@@ -62,7 +62,11 @@ def without_scaled_unit(name: str) -> str:
 
 
 def refuse_scaled_units(table: Table, named: Mapping[str, str], options: ImportOptions) -> None:
-    """Refuse columns of angles whose names state a unit with a factor, if no scale is given for them."""
+    """Refuse columns of angles whose names state a unit with a factor, such as mrad, unless a scale is given.
+
+    Raises:
+        RunError: the message contains the options that convert the column.
+    """
     unscaled = {axis: named[axis] for axis in AXES if axis in named and axis not in options.scale}
     unscaled = {axis: name for axis, name in unscaled.items() if options.unit != "counts" and not _COUNTS.search(name)}
     for name in unscaled.values():

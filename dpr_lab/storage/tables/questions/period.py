@@ -35,7 +35,7 @@ class PeriodSettings:
     """Maximum scale of the amplitude, or of its inverse, for a warning. A true angle has the scale 1; an unnoticed
     eccentricity of an encoder changes it by some tenths."""
     other_unit: float = 0.5
-    """Maximum difference of the best scale from that of angles in rad, relative to the latter."""
+    """Maximum relative difference between the best scale and the scale of angles in rad."""
     small: float = 0.7
     """Maximum amplitude, in degrees, for a warning without evidence. The motion shows the unit of a larger swing."""
     significant: float = 25.0
@@ -90,7 +90,7 @@ def amplitude_scale(table: InterpretedTable) -> AmplitudeScale | None:
 
 
 def factor_of_other(table: InterpretedTable) -> float:
-    """Return the factor between the angles of a table in the other unit and in its own; 1 for counts."""
+    """Return the factor of the angles if degrees and radians are exchanged; 1 for counts."""
     return {"deg": 1 / TO_RADIANS["deg"], "rad": TO_RADIANS["deg"]}.get(table.options.unit or "", 1.0)
 
 

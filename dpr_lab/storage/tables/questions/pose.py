@@ -9,10 +9,10 @@ from dpr_lab.errors import RunError
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
 from dpr_lab.storage.tables.readings import (
     READ,
-    OtherReading,
+    Interpretation,
     energy_residual,
     fewest_changes,
-    other_readings,
+    other_interpretations,
     with_zeros,
 )
 
@@ -41,7 +41,7 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
     mend, words = f"remove --pose, or correct {keys}", ()
     if near:
         mend, words = f"it is pose {near[0]} (--pose {near[0]})", ("--pose", near[0])
-    elif others := _readings_in_pose(table) or _zeros_in_pose(table, pose.theta[1:] - began):
+    elif others := _interpretations_in_pose(table) or _zeros_in_pose(table, pose.theta[1:] - began):
         mend = f"it would if {'; or '.join(other.sentence for other in others)}"
         words = others[0].mend if len(others) == 1 else ()
     sentence = f"the swing starts at {began_at}, not in pose {table.options.pose} ({asked_for}): {mend}"
@@ -50,13 +50,13 @@ def pose_questions(table: InterpretedTable) -> list[TableQuestion]:
     return [TableQuestion(sentence, words)]
 
 
-def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
+def _interpretations_in_pose(table: InterpretedTable) -> list[Interpretation]:
     """List interpretations that start at the named pose and conserve the energy.
 
     Only interpretations with the fewest changes are listed.
     """
     read = table.beginning()
-    others, as_read = list(other_readings(read)), OtherReading((), (), read.values, table.options)
+    others, as_read = list(other_interpretations(read)), Interpretation((), (), read.values, table.options)
     candidates = [as_read.mirrored, *others, *(other.mirrored for other in others)]
     posed = [other for other in candidates if other.time_factor == 1 and _in_pose(table, other)]
     residuals = [energy_residual(read, other) for other in posed]
@@ -64,7 +64,7 @@ def _readings_in_pose(table: InterpretedTable) -> list[OtherReading]:
     return fewest_changes([other for other, residual in zip(posed, residuals, strict=True) if residual <= limit])
 
 
-def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
+def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[Interpretation]:
     """Return an interpretation whose zeros start the swing at the named pose.
 
     The list is empty if the energy is conserved less well with these zeros.
@@ -77,13 +77,13 @@ def _zeros_in_pose(table: InterpretedTable, added: Array) -> list[OtherReading]:
     return [other] if energy_residual(read, other) <= worst else []
 
 
-def as_posed(table: InterpretedTable, other: OtherReading) -> OtherReading:
+def as_posed(table: InterpretedTable, other: Interpretation) -> Interpretation:
     """Return the interpretation, or its mirror image if only the mirror image starts at the named pose."""
     behind = not _in_pose(table, other) and _in_pose(table, other.mirrored)
     return other.mirrored if behind else other
 
 
-def _in_pose(table: InterpretedTable, other: OtherReading) -> bool:
+def _in_pose(table: InterpretedTable, other: Interpretation) -> bool:
     if table.options.pose is None:
         return False
     pose = table.rig.poses[table.options.pose]

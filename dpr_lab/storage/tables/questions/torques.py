@@ -11,15 +11,15 @@ from dpr_lab.identification.misread.readings import TORQUE_FACTORS
 from dpr_lab.identification.misread.torque_balance import torque_balance
 from dpr_lab.shown import percent
 from dpr_lab.storage.tables.interpreted import SETTINGS, InterpretedTable, TableQuestion
-from dpr_lab.storage.tables.readings import BROKEN, READ, OtherReading, energy_residual, read_otherwise
+from dpr_lab.storage.tables.readings import BROKEN, READ, Interpretation, energy_residual, read_otherwise
 from dpr_lab.storage.tables.torques import JOINTS, PASSIVE, unit_in
 
 
 def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion]:
     """Warn if the energy is conserved only with another interpretation of the torques.
 
-    Another interpretation has another sign, unit or order, or no torques. The list is empty without an interpretation
-    that is clearly better than that of `fit`.
+    Another interpretation has another sign, unit or order, or no torques. `fit` is the energy fit with the given
+    torques. The list is empty if no other interpretation is clearly better.
     """
     residuals = [(energy_residual(replace(read, torques=torques), other), other) for torques, other in _others(read)]
     residual, best = min(residuals, key=lambda pair: pair[0], default=(np.inf, None))
@@ -28,14 +28,14 @@ def better_torques(fit: EnergyFit, read: InterpretedTable) -> list[TableQuestion
     return [read_otherwise(BROKEN, [best], read)]
 
 
-def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
+def _others(read: InterpretedTable) -> Iterator[tuple[Array, Interpretation]]:
     """Yield other torques (n, 2), N m, each with an interpretation.
 
     These torques have other signs or units, are exchanged, or are torques of the table that the options ignore.
     """
 
-    def reading(cause: str, *words: str) -> OtherReading:
-        return OtherReading((cause,), words, read.values, read.options)
+    def reading(cause: str, *words: str) -> Interpretation:
+        return Interpretation((cause,), words, read.values, read.options)
 
     if read.ignored is not None:
         kind, torques = read.ignored
@@ -57,7 +57,7 @@ def _others(read: InterpretedTable) -> Iterator[tuple[Array, OtherReading]]:
 
 
 def torque_questions(table: InterpretedTable) -> list[TableQuestion]:
-    """Warn about known torques with distant rows, or without influence on the rods.
+    """Warn about known torques whose rows are too far apart, or that do not influence the rods.
 
     The input of a driven arm does not act on the rods. For such an input, only the distance between the rows is
     checked.
@@ -71,12 +71,10 @@ def torque_questions(table: InterpretedTable) -> list[TableQuestion]:
 
 
 def coarse_torques(torques: Array, words: str) -> str:
-    """Warn if torques or an input change too much from row to row.
-
-    Otherwise return an empty text.
+    """Compose a warning if torques or an input change too much from row to row; otherwise return an empty text.
 
     Args:
-        torques: (n, 2) from the release on, N m
+        torques: (n, 2) torques of joints 1 and 2 from the release on, N m
         words: subject and verb of the sentence
     """
     changes, ranges = np.median(np.abs(np.diff(torques, axis=0)), axis=0), np.ptp(torques, axis=0)
@@ -90,10 +88,7 @@ def coarse_torques(torques: Array, words: str) -> str:
 
 
 def _idle(read: InterpretedTable) -> str:
-    """Warn about torques above gravity that do not seem to act.
-
-    Otherwise return an empty text.
-    """
+    """Compose a warning if torques exceed gravity but do not seem to act; otherwise return an empty text."""
     rods, torques, limits = read.rods(read.values, read.options), read.torques, SETTINGS.idle
     acting, idle = (torque_balance(read.t, rods, acting, read.rig) for acting in (torques, None))
     if torques is None or acting is None or idle is None:
