@@ -193,11 +193,15 @@ class RunWriter:
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
     def copy(self, messages: Iterable[Stored]) -> None:
-        """Append the messages of a run file that has the same metadata."""
+        """Append the messages of a run file that has the same metadata.
+
+        Messages on channels of other programs are omitted.
+        """
         with self.disk():
             for topic, log_time, publish_time, payload in messages:
-                self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
-                self.samples_written += topic == SAMPLES
+                if topic in self._channels:
+                    self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
+                    self.samples_written += topic == SAMPLES
         self._flush_when_due()
 
     def flush(self) -> None:

@@ -41,6 +41,17 @@ def whole(tmp_path_factory):
     return path
 
 
+def test_a_copy_omits_the_channels_of_other_programs(tmp_path):
+    with RunWriter(tmp_path / "a.mcap", RunMetadata(RIG, "X1", 1000)) as writer:
+        writer.samples(range(20), np.zeros((20, 3), dtype=np.int64))
+        channel = writer._mcap.register_channel("/camera", "json", 0)
+        writer._mcap.add_message(channel, 5, b"{}", 5)
+        writer.event(1, RELEASED, 10)
+        writer.finish(RunSummary(10))
+    assert recover(tmp_path / "a.mcap", tmp_path / "b.mcap") == 20
+    assert verify(tmp_path / "b.mcap").ok
+
+
 def assert_only_true_samples(path):
     """Read all readable samples, and check that each equals the sample written for its tick."""
     try:

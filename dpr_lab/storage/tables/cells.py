@@ -147,7 +147,7 @@ def listed(names: Sequence[str]) -> str:
 def labels_of(lines: list[str]) -> list[str]:
     """Return the names of the columns if most lines have a name before each number.
 
-    The order is that of the first such line.
+    The names are in the order of the first such line.
     """
     labelled = [line for line in map(_with_time, lines) if _LABELLED.fullmatch(line)]
     return [name for name, _ in re.findall(_LABEL, labelled[0], re.I)] if 2 * len(labelled) > len(lines) else []

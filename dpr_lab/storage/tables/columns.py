@@ -216,7 +216,7 @@ def with_still_joint2(table: Table, stated: Mapping[str, str], timed: bool) -> t
 
 
 def _on_arm(names: Sequence[str]) -> dict[str, str]:
-    """Find the columns of arm and rod by the names that Quanser uses."""
+    """Find the columns of arm and rod by the names that Quanser uses; empty unless each occurs once."""
     named = {quantity: _matches(names, [pattern]) for quantity, pattern in _ON_ARM.items()}
     single = all(len(matches) == 1 for matches in named.values())
     return {quantity: matches[0] for quantity, matches in named.items()} if single else {}

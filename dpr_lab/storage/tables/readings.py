@@ -233,7 +233,7 @@ def balanced_interpretations(read: InterpretedTable) -> list[Interpretation]:
 def _with_zeros(read: InterpretedTable, added: ArrayLike) -> Interpretation:
     """Create an interpretation in which two offsets, rad, are added to the absolute angles.
 
-    The offsets are stated by --zero, --offset or zero_counts.
+    The interpretation describes them by `--zero`, `--offset`, or `zero_counts` of the rig file.
     """
     values, options, rig = read.values, read.options, read.rig
     if options.unit != "counts":

@@ -141,7 +141,8 @@ def read_table(path: Path, on_progress: OnImport = unwatched) -> Table:
         on_progress: function that is called after each block
 
     Raises:
-        RunError: the file cannot be read, is empty, is not text, contains no numbers, or has a row of another length.
+        RunError: the file cannot be read, is empty, is not text, contains no numbers, or has a row with another
+            number of fields.
     """
     try:
         with Content(path, LIMITS, on_progress) as content:
@@ -298,10 +299,7 @@ class _Columns:
         return np.frombuffer(self._lines, dtype=np.int64)
 
     def take(self, rows: Iterable[tuple[int, list[str]]]) -> None:
-        """Append rows.
-
-        Only the last row may be too short.
-        """
+        """Append rows; only the last row of the table may have too few fields."""
         for number, cells in rows:
             if tuple(cells) in self._header:
                 self.repeated.append(number)

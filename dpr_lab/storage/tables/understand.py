@@ -323,7 +323,11 @@ def _scaled(column: Array, axis: str, rig: Rig, options: ImportOptions) -> Array
 
 
 def _recorded(table: Table, readings: dict[str, Array], options: ImportOptions) -> tuple[dict[str, Array], list[str]]:
-    """Return the axes with numbers, and a note if the column of a clamped arm is empty."""
+    """Return the readings of the axes whose columns contain numbers, and a note about an empty column of a clamped arm.
+
+    Raises:
+        RunError: the column of a rod, or of an arm that is not clamped, is empty.
+    """
     silent = [axis for axis, column in readings.items() if not np.isfinite(column).any()]
     for axis in silent:
         if axis != "theta0" or options.arm != "clamped":

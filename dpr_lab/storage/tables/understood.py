@@ -78,7 +78,7 @@ class Understood:
 
     @property
     def mend(self) -> tuple[str, ...]:
-        """Command-line options that are certain to correct what the warnings report."""
+        """Command-line options that certainly correct the interpretation; empty if there are none."""
         return tuple(word for question in self.questions for word in question.mend)
 
     @property
