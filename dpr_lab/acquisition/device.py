@@ -231,21 +231,15 @@ class Device:
         return self.info.simulated_time and self._software
 
     def clock(self) -> tuple[ClockFit | None, str]:
-        """Return the clock fit of the last stream.
+        """Return the clock fit of the last stream and an empty text.
 
-        If there is no fit, the result is None and the reason. The reason is empty for simulated time.
+        Before enough pings were answered, the result is None and the reason. For simulated time, it is None and an
+        empty text.
         """
         if self.simulated_time:
             return None, ""
         with self._lock:
             return self._clock.fit(self._rate_hz)
-
-    def clock_fit(self) -> ClockFit | None:
-        """Return the fit of `clock`.
-
-        The result is None before enough pings were answered, and for simulated time.
-        """
-        return self.clock()[0]
 
     def close(self) -> None:
         """Close the link; repeated calls have no effect.

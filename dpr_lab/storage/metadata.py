@@ -66,11 +66,6 @@ class RunMetadata:
         """Time of the recording, an ISO 8601 date with or without time; empty if unknown."""
         return self.created_utc if self.source == "device" else self.extra.get("recorded_at", "")
 
-    @property
-    def rig_text(self) -> str:
-        """Text of the rig file (TOML)."""
-        return rig_toml(self.rig)
-
     def to_record(self, rig_text: str) -> dict[str, str]:
         """Create the provenance record.
 

@@ -41,7 +41,7 @@ from dpr_lab.storage.layout import (
     Stored,
     sealed,
 )
-from dpr_lab.storage.metadata import RunMetadata, RunSummary, plain
+from dpr_lab.storage.metadata import RunMetadata, RunSummary, plain, rig_toml
 from dpr_lab.storage.row_text import Samples, message_records, sample_messages, sample_texts
 from dpr_lab.storage.sidecar import write_sidecar
 
@@ -251,7 +251,7 @@ class RunWriter:
         return replace(summary, notes=(*summary.notes, *notes))
 
     def _write_preamble(self) -> dict[str, int]:
-        rig_text = self.metadata.rig_text
+        rig_text = rig_toml(self.metadata.rig)
         self._mcap.start(library=f"dpr-lab {self.metadata.versions['dpr_lab']}")
         self._mcap.add_metadata(PROVENANCE, sealed(self.metadata.to_record(rig_text)))
         self._mcap.add_metadata(UNITS, UNIT_TABLE)

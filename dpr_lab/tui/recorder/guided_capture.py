@@ -23,7 +23,7 @@ def carry_out(
     """Execute a capture command; see `capture` for the errors."""
     guided = _GuidedCapture(order, device, inbox, outbox)
     captured = capture(device, rig, order.pose, order.options, runs, guided.on_progress, guided.confirm)
-    return AttemptFinished(order.attempt, captured, device.clock_fit())
+    return AttemptFinished(order.attempt, captured, device.clock()[0])
 
 
 def lost_since(before: Mapping[str, int], device: Device) -> dict[str, int]:

@@ -108,7 +108,7 @@ def _exercise(device: Device, order: Exercise) -> Exercised:
             batches = device.poll(SETTINGS.look_s)
             raise_faults(device.url, batches)
             samples += sum(len(batch.rows) for batch in batches)
-        clock = device.clock_fit()
+        clock, _ = device.clock()
     finally:
         with contextlib.suppress(DprError):
             device.stop()
