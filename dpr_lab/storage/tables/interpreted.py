@@ -15,7 +15,7 @@ from dpr_lab.storage.tables.options import ImportOptions
 
 @dataclass(frozen=True, slots=True)
 class QuestionSettings:
-    """Limits from which the import of a table gives a warning or is refused."""
+    """Limits beyond which the import warns about a table or refuses it."""
 
     fewest_rows: int = 10
     """Minimum number of rows of a swing. The noise estimate alone needs seven."""

@@ -1,4 +1,4 @@
-"""Convert a table to angles, and propose other interpretations if needed."""
+"""Search for interpretations of a table that agree better with the energy or the accelerations of the swing."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
 """Layouts of viewers for run files: angles, torques, losses and events.
 
-Foxglove opens its layout with "Import from file". Sources: layouts that both programs save; message paths of Foxglove,
+Foxglove opens its layout with "Import from file". Sources: layouts saved by both programs; message paths of Foxglove,
 https://docs.foxglove.dev/docs/visualization/message-path-syntax. `tests/storage/test_viewers.py` compares the curves
 with the channels of a run file.
 """
