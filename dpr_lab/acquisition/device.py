@@ -280,9 +280,11 @@ class Device:
                     self._changed.notify_all()
         except Exception as error:  # every error must be reported to the caller, not only end the thread
             with self._lock:
-                self._append(Received(time.monotonic(), (), b""), self._last_rows(), [])
                 self._failure = error
-                self._changed.notify_all()
+                try:
+                    self._append(Received(time.monotonic(), (), b""), self._last_rows(), [])
+                finally:
+                    self._changed.notify_all()
 
     def _take(self, received: Received) -> None:
         self._bytes += len(received.raw)
