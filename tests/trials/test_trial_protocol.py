@@ -3,14 +3,16 @@
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dpr_lab.errors import DprError, RunError
+from dpr_lab.rig import load_rig
 from dpr_lab.trials.case import run_case, run_of
 from dpr_lab.trials.protocol import Trial, keep_diagnosis, open_trial, read_trial, recordings, refuse_opened
-from dpr_lab.trials.sealing import Kind, PlantRequest, seal
+from dpr_lab.trials.sealing import Kind, PlantRequest, sealed_in_memory
 from dpr_lab.workflows.trial import draw
 
 pytestmark = pytest.mark.slow
@@ -98,8 +100,16 @@ def test_an_invalid_diagnosis_is_refused(diagnosed: Trial, content: str) -> None
         open_trial(diagnosed)
 
 
-def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path: Path) -> None:
-    sealed = seal(PlantRequest(Kind.CLEAN, seed=3), tmp_path / "device", direct=True)
+def _recorded_directly(request: PlantRequest) -> dict[str, Any]:
+    """Let the device itself record a plant, without a link; return its public data."""
+    rig_file = load_rig(request.rig).path
+    assert rig_file is not None
+    with sealed_in_memory(request, rig_file.read_text()) as plant:
+        return plant.public
+
+
+def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial) -> None:
+    sealed = _recorded_directly(PlantRequest(Kind.CLEAN, seed=3))
     assert sealed["rig"] == (diagnosed.folder / "rig.toml").read_text()
     for run, direct in zip(recordings(diagnosed), sealed["runs"], strict=True):
         swing = np.array(direct["counts"])[np.array(direct["t"]) >= 0]
@@ -115,7 +125,7 @@ def test_direct_recordings_are_those_of_the_protocol(diagnosed: Trial, tmp_path:
 def test_a_driven_plant_is_recorded_with_its_torques_through_the_protocol_and_directly(tmp_path: Path) -> None:
     asked = PlantRequest(Kind.DRIVEN, seed=101)
     trial = draw(asked, tmp_path / "trial")
-    sealed = seal(asked, tmp_path / "device", direct=True)
+    sealed = _recorded_directly(asked)
     for run, result in zip(recordings(trial), sealed["runs"], strict=True):
         sent, direct = run.swing, run_of(result, trial.rig).swing
         both = min(len(sent.t), len(direct.t))

@@ -31,7 +31,8 @@ def step(app: App[None]) -> IdentifyStep:
 
 def test_the_help_holds_for_every_rig_and_explains_its_symbols() -> None:
     words = " ".join(IdentifyStep.HELP.split())
-    assert "*Nine parameters*, or *Absolute values* with a free or driven arm" in words  # the two titles of the tab
+    titles = "*Nine parameters* (*Parameters* for a single rod, *Absolute values* with a free or driven arm)"
+    assert titles in words  # the three titles of the tab
     assert "squared errors of all angles and speeds, which the publication calls E(Z)" in words
 
 
