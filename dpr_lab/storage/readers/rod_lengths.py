@@ -78,7 +78,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     if not len(valid) or not np.median(valid) > 0:
         raise RunError(f"{path}: the ends of the rod of {axis} were never detected together")
     length = float(np.median(valid))
-    scatter = float(median_abs_deviation(valid, scale="normal"))
+    scatter = float(median_abs_deviation(valid, scale="normal"))  # pyright: ignore[reportArgumentType]
     if scatter > LENGTHS.scatter * length:
         raise RunError(
             f"{path}: the rod of {axis} changes its length by {percent(scatter / length)}: these points"
@@ -89,7 +89,7 @@ def rod_length(path: Path, axis: str, rods: Sequence[Array]) -> RodLength:
     deviation -= by_pose
     off = np.abs(lengths - length - by_pose)
     scatter, varies = (
-        float(median_abs_deviation(deviation[np.isfinite(deviation)], scale="normal")),
+        float(median_abs_deviation(deviation[np.isfinite(deviation)], scale="normal")),  # pyright: ignore[reportArgumentType]
         float(np.ptp(by_pose)),
     )
     alike = _autocorrelation(deviation)
