@@ -39,10 +39,10 @@ def inaccurate_speeds(curve: JointFriction, limit: FrictionLimit) -> str:
     best = int(np.argmin(std))
     inaccurate = (size + NORMAL_Q90 * std >= limit.max) & (std >= KNOWN_BETTER * std[best])
     sides = {
-        "the friction at rest and its slope against the speed are correlated: record a swing that ends at rest": (
+        "the friction at rest and its slope against the speed are correlated, and a swing that ends at rest helps": (
             inaccurate & (speed < speed[best])
         ),
-        "high speeds are rare in the recordings: record a faster swing": inaccurate & (speed > speed[best]),
+        "high speeds are rare in the recordings, and a faster swing helps": inaccurate & (speed > speed[best]),
     }
     sides = {cause: side for cause, side in sides.items() if side.any()}
     if not sides:

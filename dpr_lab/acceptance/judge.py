@@ -57,7 +57,7 @@ Answer = Literal["pass", "fail", "not decidable"]
 Range = tuple[float, float]
 Bounds = tuple[float | None, float | None]
 
-FIND_CAUSE = "perform the recommended checks of the diagnosis first, because the gap must be explained"
+FIND_CAUSE = "no further release decides the limit until the diagnosis explains the gap; perform its checks first"
 """Remedy for a limit whose interval is not valid, because the gap is not explained."""
 
 SECOND_RELEASE = "record a second release"

@@ -218,8 +218,9 @@ def _outside(diagnosis: Diagnosis, done: CheckDone) -> float:
 def _remedies(diagnosis: Diagnosis, done: CheckDone, standing: NamedEffect) -> list[str]:
     """Return the remedies after a check.
 
-    The remedy of the checked effect is removed if this effect is no longer the most probable cause. Otherwise it lists
-    the members of the class that are still possible.
+    The remedy of the checked effect is removed if this effect is no longer the most probable cause. Otherwise the
+    members of the class in this remedy are replaced by those that are still possible. The remedy of a class without
+    other members, or of a diagnosis that an earlier version saved, remains as it is.
     """
     about = standing.name
     before, after = to_rule_out(_named(diagnosis, about)), to_rule_out(standing)

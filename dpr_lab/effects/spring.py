@@ -31,7 +31,7 @@ def rest_angle(params: Params, *, most_rad: float = math.pi, iterations: int = 2
     q = min(max(constant / k, -most_rad), most_rad)
     for _ in range(iterations):
         slope = k + 3.0 * cubic * q * q
-        q = q - (k * q + cubic * q**3 - constant) / slope if slope > 0.0 else math.inf
+        q = q - (k * q + cubic * q * q * q - constant) / slope if slope > 0.0 else math.inf
     return {"rest_angle_rad": q} if abs(q) <= most_rad else {}
 
 

@@ -147,11 +147,11 @@ def test_likelihood_is_that_of_a_multivariate_normal():
     assert log_likelihood(t, theta, 0.7, prior) == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("rate_hz", [30, 80, 4000])
-def test_slow_and_fast_sampling_give_better_speeds_than_differences(rate_hz):
+@pytest.mark.parametrize(("rate_hz", "factor"), [(30, 5.0), (80, 1.8), (4000, 200.0)])
+def test_slow_and_fast_sampling_give_better_speeds_than_differences(rate_hz, factor):
     run, truth = recording("X3", rate_hz)
     error = rms(smooth(run, noise_floor(run, RIG))[:, 2:] - truth[:, 2:])
-    assert error < rms(np.gradient(run.swing.theta[:, 1:], 1 / rate_hz, axis=0) - truth[:, 2:]) / 1.8
+    assert error < rms(np.gradient(run.swing.theta[:, 1:], 1 / rate_hz, axis=0) - truth[:, 2:]) / factor
 
 
 def test_tuned_noise_follows_the_swing():

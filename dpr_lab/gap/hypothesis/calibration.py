@@ -88,10 +88,10 @@ def odds_outside(
         m = min(remainder / noise, far)
 
     1. First term: if the library lacks the true law, the unexplained share does not depend on the ratio of gap to
-    noise. In contrast, the small unknown causes of every rig leave a remainder of about the noise, for any size of the
-    gap, unless the noise is much smaller. 2. Second term: an effect that explains no more than the remainder may
-    imitate a part of the unknown cause. 3. Third term: a smaller effect may compensate for the inexact form of a large
-    one.
+       noise. In contrast, the small unknown causes of every rig leave a remainder of about the noise, for any size of
+       the gap, unless the noise is much smaller.
+    2. Second term: an effect that explains no more than the remainder may imitate a part of the unknown cause.
+    3. Third term: a smaller effect may compensate for the inexact form of a large one.
 
     Args:
         unexplained: share of the excess that is not explained

@@ -5,8 +5,8 @@ encoder scale imitate each other on a single rod, so that their priors decide be
 rig:
 
 - The stiffness of a spring is compared with the gravity torque, because heavy rods have strong cables. A spring is weak
-or, with a small prior weight, arbitrarily strong. - A scale error is a tolerance, belongs to another common encoder, or
-is arbitrary (belt, potentiometer).
+  or, with a small prior weight, arbitrarily strong.
+- A scale error is a tolerance, belongs to another common encoder, or is arbitrary (belt, potentiometer).
 
 Most springs are linear. The weight of a spring is therefore that of its simplest adequate form.
 """

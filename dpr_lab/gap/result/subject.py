@@ -61,7 +61,7 @@ def _refuse_other_runs(file: Path | str, diagnosis: Diagnosis, runs: Sequence[Ru
         other = f", not of {listed(sorted(stated))}: {instead}" if stated else ", but no runs are given: give its runs"
         raise RunError(f"{file}: is a diagnosis of {listed(sorted(fitted))}{other}")
     recordings = diagnosis.evidence.recordings if diagnosis.evidence else []
-    used = {name: run.sha256 for run in recordings for name in (whole(run.name), run.name)}
+    used = {whole(run.name): run.sha256 for run in recordings} | {run.name: run.sha256 for run in recordings}
     changed = [run.name for run in runs if run.sha256 and used.get(run.name, run.sha256) not in ("", run.sha256)]
     if changed:
         raise RunError(f"{file}: is a diagnosis of another recording with the name {listed(changed)}: {instead}")

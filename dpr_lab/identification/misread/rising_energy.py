@@ -108,7 +108,10 @@ def _rises(t: Array, energy: Array, most: int, shortest: float) -> list[tuple[in
 
 
 def _without_swings(t: Array, energy: Array, begin: int, end: int, shortest: float) -> list[tuple[int, int]]:
-    """Divide a rise at each part of at least `shortest` s in which the energy falls."""
+    """Divide a rise at each part of at least `shortest` s in which the energy falls.
+
+    Both remaining rises must reach `RISE.share`.
+    """
     _, start, stop = _rise(-energy, begin, end)
     least = min(energy[start] - energy[begin], energy[end] - energy[stop])
     if t[stop] - t[start] < shortest or least < RISE.share:
