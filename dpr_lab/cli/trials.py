@@ -200,6 +200,9 @@ STRATEGY_COLUMNS = (
 )
 """Columns of the table that compares the strategies of planning."""
 
+WHEN_STOPPED = ("right_when_stopped", "true_when_stopped")
+"""Keys of the shares that refer to the trials that stopped; None if no trial stopped."""
+
 
 def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
     """Return the rows of the table that compares the strategies of planning, one per strategy."""
@@ -211,8 +214,7 @@ def strategy_rows(strategies: dict[str, dict[str, Any]]) -> list[tuple[str, ...]
             f"{summary['mean_releases']:.2f}",
             f"{summary['mean_minutes']:.2f}",
             f"{summary['decided']:.2f}",
-            f"{summary['right_when_stopped']:.2f}",
-            f"{summary['true_when_stopped']:.2f}",
+            *("–" if (share := summary[name]) is None else f"{share:.2f}" for name in WHEN_STOPPED),
             # The error of an exact forecast with the same number of outcomes is in brackets.
             f"{summary['forecast_calibration_error']:.2f} ({summary['forecast_error_if_exact']:.2f})"
             if summary["forecasts"]

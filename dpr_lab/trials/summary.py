@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -231,6 +231,15 @@ def confusion(outcomes: Sequence[TrialOutcome]) -> dict[str, dict[str, int]]:
     for o in outcomes:
         table.setdefault(o.truth[0] if o.truth else "nothing", Counter())[o.named[0] if o.named else o.verdict] += 1
     return {name: dict(counted.most_common()) for name, counted in sorted(table.items())}
+
+
+def with_nulls(scores: Any) -> Any:
+    """Replace each nan in nested scores, a score without applicable trials, by None, because JSON has no nan."""
+    if isinstance(scores, Mapping):
+        return {name: with_nulls(score) for name, score in scores.items()}
+    if isinstance(scores, list):
+        return [with_nulls(score) for score in scores]
+    return None if isinstance(scores, float) and math.isnan(scores) else scores
 
 
 def _median(values: Sequence[float]) -> float:

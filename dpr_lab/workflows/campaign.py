@@ -76,7 +76,7 @@ def _saved(done: "CampaignTrials", campaign: "Campaign", n: int, out: Path) -> t
     from dpr_lab.report.trials.figures import save_trial_figures
     from dpr_lab.report.trials.html import write_trials_report
     from dpr_lab.trials.sequential_summary import read_strategies, sequential_summary
-    from dpr_lab.trials.summary import summary
+    from dpr_lab.trials.summary import summary, with_nulls
 
     scores = summary(done.outcomes)
     if campaign.strategies:
@@ -88,5 +88,6 @@ def _saved(done: "CampaignTrials", campaign: "Campaign", n: int, out: Path) -> t
     )
     failures = [f"trial {failure.number}: {failure.error}" for failure in done.failures]
     page = write_trials_report(scores, setting, failures, out, figures)
+    scores = with_nulls(scores)
     write_json(scores, out / "summary.json")
     return scores, {"page": str(page), "summary": str(out / "summary.json"), "trials": str(out / "trials.jsonl")}

@@ -16,12 +16,13 @@ from pathlib import Path
 import pytest
 
 from dpr_lab.errors import DprError, LinkError, RunError
+from dpr_lab.report.plain import as_json
 from dpr_lab.report.trials.figures import save_trial_figures
 from dpr_lab.report.trials.html import sentence, write_trials_report
 from dpr_lab.trials.campaign import Campaign, read_trials, run_campaign
 from dpr_lab.trials.score import Cause, Claim, SizeError, TrialOutcome
 from dpr_lab.trials.sealing import Kind
-from dpr_lab.trials.summary import summary
+from dpr_lab.trials.summary import summary, with_nulls
 from dpr_lab.trials.workers import on_cluster, on_this_machine
 
 CLEAN = Campaign((Kind.CLEAN,), seed=11)
@@ -338,3 +339,10 @@ def comparable(folder: Path) -> list[dict]:
     kept = (json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines())
     ordered = sorted(kept, key=lambda line: line["number"])
     return [line["outcome"] | {"seconds": None, "seal": None} for line in ordered]
+
+
+def test_scores_without_trials_are_null_in_json_without_a_warning() -> None:
+    scores = json.loads(as_json(with_nulls(summary([outcome(sizes=(), claims=())]))))
+    assert scores["by_effect"][0]["size_error_p90"] is None
+    assert scores["brier"] is None
+    assert scores["seconds"] == 3.0
