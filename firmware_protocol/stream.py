@@ -63,6 +63,7 @@ class SampleStream:
         self._leap: int | None = None
         self._counts: list[int | None] = [None, None, None]
         self._position_ticks = [-1, -1, -1]
+        self._stopped = False
 
     def restart(self, blind_ticks: int = HALF_RANGE) -> None:
         """Restart at tick 0; positions remain known.
@@ -70,8 +71,15 @@ class SampleStream:
         Call it once, before STREAM is sent.
         """
         self._blind, self._tick, self._leap, self._position_ticks = blind_ticks, -1, None, [-1, -1, -1]
-        self._late, self.went_back = 0, False
+        self._late, self.went_back, self._stopped = 0, False, False
         self._recent.clear()
+
+    def stop(self) -> None:
+        """End the comparison of POSITION with the samples until the next `restart`.
+
+        Call it once, after STOP. The ticks of an idle device are not those of the stream.
+        """
+        self._stopped = True
 
     def feed(self, message: Message) -> Row | None:
         """Process the next message.
@@ -134,6 +142,9 @@ class SampleStream:
         return True
 
     def _anchor(self, position: Position) -> None:
+        if self._stopped:
+            self._counts[position.joint] = position.position
+            return
         near, tick = self._counts[position.joint], unwrap(position.tick, self._tick, 16)
         if self._tick >= 0:
             if tick < self._tick - self._blind:

@@ -188,7 +188,10 @@ class Device:
     def stop(self) -> None:
         """Stop sampling; the state of the latch does not change."""
         self._clock.stop()
-        self._command(Stop())
+        try:
+            self._command(Stop())
+        finally:
+            self._stream.stop()
 
     def poll(self, timeout: float) -> list[Batch]:
         """Return all messages since the last call.

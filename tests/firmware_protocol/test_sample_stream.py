@@ -167,5 +167,19 @@ def test_restart_begins_at_tick_0_and_keeps_positions():
     assert stream.lost_tick_gap == lost
 
 
+def test_a_turn_of_an_idle_device_contradicts_nothing():
+    """The ticks of an idle device restart at 0 and reach those of the stream again."""
+    stream = anchored()
+    stream.restart(blind_ticks=99)
+    for tick in range(200):
+        stream.feed(Sample(tick, 0, 0, 0))
+    stream.stop()
+    for tick in range(0, 400, 20):
+        stream.feed(Position(0, tick, 0 if tick < 100 else 40_000))
+    assert stream.contradicted == 0
+    stream.restart(blind_ticks=99)
+    assert stream.feed(Sample(0, 40_000, 0, 0)) == Row(0, (40_000, 0, 0))
+
+
 def test_other_messages_give_nothing():
     assert SampleStream().feed(Ack(33, 1)) is None
