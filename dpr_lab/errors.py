@@ -6,6 +6,7 @@
     |   +-- LinkUrlError   the URL is not valid
     |   +-- LinkTimeout    the link opened, but the device did not answer
     |   +-- DeviceLost     the device stopped answering (for example, cable pulled or power lost)
+    |   +-- LeaseLost      the device stopped streaming, because it received no messages of the host
     +-- MismatchError      the device uses another protocol version or schema
     +-- DeviceFault        the device refused a command or reported a fault
     +-- SafetyStop         a check before the release did not pass, so the release was refused
@@ -155,6 +156,10 @@ class DeviceLost(LinkError):
     """Raised if the device stopped answering; recorded samples are kept."""
 
     exit_code = 7
+
+
+class LeaseLost(LinkError):
+    """Raised if the device stopped streaming, because it received no messages of the host in time."""
 
 
 class MismatchError(DprError):

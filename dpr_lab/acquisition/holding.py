@@ -13,7 +13,7 @@ from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.rest import RodAngles, RodPair, arm_restless, elbow_error, pose_error, rest_motion
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
-from dpr_lab.errors import DeviceFault, LinkError, SafetyStop
+from dpr_lab.errors import DeviceFault, LeaseLost, SafetyStop
 from dpr_lab.rig import JOINTS, Rig
 from dpr_lab.rig_tables import Pose
 from firmware_protocol.messages import Event, EventKind, Message, Position, State, Status, explain, explain_fault
@@ -113,7 +113,7 @@ def raise_faults(url: str, batches: Iterable[Batch]) -> None:
 
     Raises:
         DeviceFault: the device reports a fault.
-        LinkError: the device has stopped streaming, because it received no messages of the host.
+        LeaseLost: the device has stopped streaming, because it received no messages of the host.
     """
     for batch in batches:
         for message in batch.messages:
@@ -122,7 +122,7 @@ def raise_faults(url: str, batches: Iterable[Batch]) -> None:
 
 def _raise_for(url: str, message: Message) -> None:
     if isinstance(message, Event) and message.kind is EventKind.LEASE_LOST:
-        raise LinkError(f"{url}: {' '.join(explain(message.kind))}")
+        raise LeaseLost(f"{url}: {' '.join(explain(message.kind))}")
     if isinstance(message, Event) and message.kind is EventKind.FAULT:
         raise DeviceFault(f"{url}: {explain_fault(message.detail)}")
     if isinstance(message, Status) and message.state is State.FAULT:

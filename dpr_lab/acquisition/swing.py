@@ -15,7 +15,7 @@ from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.rest import RodAngles, RodPair, at_rest
 from dpr_lab.acquisition.settings import CaptureSettings
 from dpr_lab.arrays import Array
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, LinkTimeout, RunError
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LeaseLost, LinkError, LinkTimeout, RunError
 from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import State, Status
@@ -177,6 +177,9 @@ class SwingRecorder:
 
         The recording is complete, so it is kept if the device does not answer, is lost or reports a fault: the result
         is then a note.
+
+        Raises:
+            LinkError: the samples are not reliable, because their ticks decreased or two devices answered.
         """
         notes: tuple[str, ...] = ()
         try:
@@ -186,7 +189,7 @@ class SwingRecorder:
             while not counted and time.monotonic() < deadline:
                 messages = [message for batch in self._take(recording) for message in batch.messages]
                 counted = any(isinstance(message, Status) and message.state is State.IDLE for message in messages)
-        except (LinkError, DeviceFault) as error:
+        except (LinkTimeout, DeviceLost, LeaseLost, DeviceFault) as error:
             notes = (f"the recording is complete, but {self._stop_again(error)}{error}",)
         recording.count_losses(self.device.losses)
         return notes

@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.interrupts import unbroken
 from dpr_lab.acquisition.recording import Recording
 from dpr_lab.acquisition.swing import Captured
-from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LinkError, RunError
+from dpr_lab.errors import DeviceFault, DeviceLost, DprError, LeaseLost, LinkError, RunError
 from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import recover, verify
 from dpr_lab.storage.layout import LIMITS
@@ -33,13 +34,16 @@ from firmware_protocol.messages import (
     EventKind,
     Fault,
     Frame,
+    Info,
     Message,
+    Sample,
     State,
     Status,
     Stop,
     decode,
+    encode,
 )
-from firmware_protocol.stream import Row
+from firmware_protocol.stream import LATE_IN_A_ROW, Row
 from tests.full_disk import full_disk
 
 SHORT = CaptureOptions(duration=1.0, pose_timeout=60.0, rest_timeout=60.0)
@@ -51,7 +55,7 @@ LARGEST_CHUNK = LIMITS.chunk_bytes // 5
     ("message", "error", "sentence"),
     [
         (Event(EventKind.FAULT, Fault.LATCH, 5), DeviceFault, "latch did not reach"),
-        (Event(EventKind.LEASE_LOST, 0, 5), LinkError, "heard nothing from the host"),
+        (Event(EventKind.LEASE_LOST, 0, 5), LeaseLost, "heard nothing from the host"),
         (Status(State.FAULT, Fault.ENCODER1, True, 0, 0, 0), DeviceFault, "inner rod"),
     ],
 )
@@ -210,12 +214,19 @@ def test_a_complete_recording_is_kept_although_the_port_is_lost_after_stop(
     assert_complete(captured)
 
 
+@pytest.mark.parametrize(
+    ("event", "sentence"),
+    [
+        (Event(EventKind.FAULT, Fault.LATCH, 5), "latch did not reach"),
+        (Event(EventKind.LEASE_LOST, 0, 5), "heard nothing from the host"),
+    ],
+)
 def test_a_complete_recording_is_kept_although_the_device_reports_a_fault_after_stop(
-    paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
+    event: Event, sentence: str, paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
 ) -> None:
     with bench(clock="fast") as (device, _):
         stop, poll = device.stop, device.poll
-        fault = Batch(0.0, b"", (), (Event(EventKind.FAULT, Fault.LATCH, 5),))
+        fault = Batch(0.0, b"", (), (event,))
 
         def stop_with_a_fault() -> None:
             stop()
@@ -227,8 +238,36 @@ def test_a_complete_recording_is_kept_although_the_device_reports_a_fault_after_
 
         captured = capture(device, paper, "X1", SHORT, tmp_path, arm, agree)
     assert "the recording is complete, but " in captured.quality.sentence
-    assert "latch did not reach" in captured.quality.sentence
+    assert sentence in captured.quality.sentence
     assert_complete(captured)
+
+
+@pytest.mark.parametrize(
+    ("last", "sentence"),
+    [
+        ([encode(Info(2, {"uid_low": 7}))], "two devices answer"),
+        ([encode(Sample(3, 0, 0, 0))] * LATE_IN_A_ROW, "ticks of the device decreased"),
+    ],
+)
+def test_a_recording_whose_samples_are_in_doubt_after_stop_is_not_complete(
+    last: list[Frame], sentence: str, paper: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bench, agree
+) -> None:
+    with bench(clock="fast") as (device, link):
+        read = link.receive
+
+        def receive(timeout: float) -> Received:
+            received = read(timeout)
+            stopped = any(isinstance(m, Ack) and m.command == NUMBERS[Stop] for m in map(decode, received.frames))
+            return replace(received, frames=(*received.frames, *last)) if stopped else received
+
+        def doubt_after_stop(progress: Progress) -> None:
+            if isinstance(progress, Released):
+                monkeypatch.setattr(link, "receive", receive)
+
+        with pytest.raises(LinkError, match=rf"{sentence}.* the data recorded so far are kept in"):
+            capture(device, paper, "X1", SHORT, tmp_path, doubt_after_stop, agree)
+    (path,) = tmp_path.glob("*.mcap")
+    assert not load_run(path).complete
 
 
 def assert_complete(captured: Captured) -> None:
