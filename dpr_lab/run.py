@@ -17,11 +17,11 @@ from dpr_lab.rig_tables import AddedMass, ArmMode, Mounting
 from dpr_lab.setup import ArmMotion, Setup, Torques, inner_torques
 from dpr_lab.shown import Shown
 
-LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "tick_gap")
-"""Causes of missing samples. `device_overrun`: the device was too slow. `crc`, `framing`: the sample was damaged on the
-link. `contradicted`: two values arrived for one tick, or a message with the complete count of a joint contradicted the
-samples. `tick_gap`: the sample never arrived. Devices with drives also have the cause `torque`: the torques of the
-sample never arrived."""
+LOSS_CAUSES = ("device_overrun", "crc", "framing", "contradicted", "contradicted_position", "tick_gap")
+"""Causes of missing or wrong samples. `device_overrun`: the device was too slow. `crc`, `framing`: the sample was
+damaged on the link. `contradicted`: two values arrived for one tick. `contradicted_position`: a message with the
+complete count of a joint contradicted the samples; none is missing, but some angles before it are wrong. `tick_gap`:
+the sample never arrived. Devices with drives also have the cause `torque`: the torques of the sample never arrived."""
 
 
 @dataclass(frozen=True, slots=True)

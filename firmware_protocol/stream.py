@@ -52,8 +52,10 @@ class SampleStream:
         self.lost_tick_gap = 0
         """Number of missing ticks between received samples."""
         self.contradicted = 0
-        """Number of contradictory messages: ticks that were repeated with different counts, and POSITION messages that
-        differ from the rows by multiples of 65536 counts. Some rows since the previous POSITION are then wrong."""
+        """Number of ticks that were repeated with different counts."""
+        self.contradicted_position = 0
+        """Number of POSITION messages that differ from the rows by multiples of 65536 counts. Some rows since the
+        previous POSITION are then wrong."""
         self.went_back = False
         """Whether the device's ticks have decreased. The time of later samples is then unknown."""
         self._recent: dict[int, Sample] = {}
@@ -154,5 +156,5 @@ class SampleStream:
             self._counts[position.joint] = position.position
             return
         whole = unwrap(position.position, near, 32)
-        self.contradicted += self._tick >= 0 and abs(whole - near) >= 0x8000
+        self.contradicted_position += self._tick >= 0 and abs(whole - near) >= 0x8000
         self._counts[position.joint] = whole

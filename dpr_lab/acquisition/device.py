@@ -215,12 +215,13 @@ class Device:
         `tick_gap` counts every missing tick, including ticks whose frames are counted as damaged.
         """
         with self._lock:
-            errors, contradicted = self._transport.errors, self._stream.contradicted
+            errors = self._transport.errors
             return {
                 "device_overrun": self._overruns.total + self._dropped.total,
                 "crc": errors["crc"],
                 "framing": errors["framing"] + self._invalid_frames,
-                "contradicted": contradicted,
+                "contradicted": self._stream.contradicted,
+                "contradicted_position": self._stream.contradicted_position,
                 "tick_gap": self._stream.lost_tick_gap,
                 **({"torque": self._torques.missing} if self._torques is not None else {}),
             }

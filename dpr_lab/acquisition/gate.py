@@ -199,13 +199,24 @@ def _release_speed(judged: JudgedRun) -> Check | None:
 def _lost(judged: JudgedRun) -> Check | None:
     limit = judged.limits.lost_share
     run = judged.run
-    lost = {cause: n for cause, n in run.lost.items() if n}
+    lost = {cause: n for cause, n in run.lost.items() if n and cause != "contradicted_position"}
     share = sum(lost.values()) / max(1, len(run.t) + sum(lost.values()))
     if lost.get("contradicted"):
         limit = 0.0
     causes = ", ".join(f"{cause} {n}" for cause, n in lost.items()) or "none"
     sentence = f"lost samples: {causes}, {100 * share:.2f} % of the samples (limit {100 * limit:g} %)"
     return Check("lost", share <= limit, share, limit, "1", sentence + ": check cable and rate")
+
+
+def _contradicted_position(judged: JudgedRun) -> Check | None:
+    n = judged.run.lost.get("contradicted_position")
+    if n is None:
+        return None
+    sentence = (
+        "some angles are wrong by multiples of 65536 counts, because complete counts contradict the samples"
+        f" (number {n}, limit 0): check encoders, firmware and rate, then record again"
+    )
+    return Check("contradicted_position", not n, float(n), 0.0, "messages", sentence)
 
 
 def _gap(judged: JudgedRun) -> Check | None:
@@ -368,6 +379,7 @@ CHECKS: tuple[Callable[[JudgedRun], Check | None], ...] = (
     _pose,
     _release_speed,
     _lost,
+    _contradicted_position,
     _gap,
     _jitter,
     _clock,

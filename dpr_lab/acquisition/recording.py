@@ -200,10 +200,10 @@ class Recording:
         """Number of samples lost during this recording, by cause.
 
         Every missing tick counts once: under the cause that the link or the device reported, or as `tick_gap` if
-        neither reported the loss.
+        neither reported the loss. A contradicted POSITION explains no missing tick.
         """
         lost = {cause: count - self._lost_before.get(cause, 0) for cause, count in self._lost.items()}
-        explained = sum(number for cause, number in lost.items() if cause != "tick_gap")
+        explained = sum(number for cause, number in lost.items() if cause not in ("tick_gap", "contradicted_position"))
         return {**lost, "tick_gap": max(0, self.samples.missing - explained)}
 
     @property

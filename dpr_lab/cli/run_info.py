@@ -54,6 +54,7 @@ PARTS = {
     "crc": "damaged on the link",
     "framing": "incomplete frame",
     "contradicted": "contradictory values",
+    "contradicted_position": "complete counts that contradict the samples",
     "tick_gap": "never arrived",
     "torque": "torques missing",
     "rest_speed": "speed at rest",

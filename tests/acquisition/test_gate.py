@@ -34,7 +34,18 @@ def good(rig: Rig) -> Run:
 
 def _run(rig: Rig, t: np.ndarray, counts: np.ndarray) -> Run:
     clock = {"rate_ppm": -80.0, "rate_ppm_std": 20.0}
-    return Run("test", t, rig.theta(counts), counts, "X1", rig.name, rig.sha256, RATE_HZ, clock=clock)
+    return Run(
+        "test",
+        t,
+        rig.theta(counts),
+        counts,
+        "X1",
+        rig.name,
+        rig.sha256,
+        RATE_HZ,
+        clock=clock,
+        lost={"contradicted_position": 0},
+    )
 
 
 def judged(run: Run, rig: Rig, **options: Any) -> QualityReport:
@@ -141,6 +152,10 @@ def _damaged(run: Run, rig: Rig) -> Run:
     return replace(run, lost={"crc": 5, "framing": 0, "tick_gap": 4, "device_overrun": 0})
 
 
+def _contradicted(run: Run, rig: Rig) -> Run:
+    return replace(run, lost={"contradicted_position": 1})
+
+
 def _gapped(run: Run, rig: Rig) -> Run:
     keep = (run.t < 2.0) | (run.t > 2.012)
     return _run(rig, run.t[keep], run.counts[keep])
@@ -188,6 +203,7 @@ FAULTS = {
     "pose": _wrong_pose,
     "release_speed": _pushed,
     "lost": _damaged,
+    "contradicted_position": _contradicted,
     "gap": _gapped,
     "jitter": _uneven,
     "clock": _fast,
@@ -211,6 +227,12 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
     assert verdict.to_json()["ok"] is False
 
 
+def test_a_contradicted_position_makes_angles_wrong_and_loses_no_samples(good: Run, rig: Rig) -> None:
+    verdict = judged(_contradicted(good, rig), rig)
+    assert "complete counts contradict the samples (number 1, limit 0)" in verdict.sentence
+    assert "lost" not in verdict.sentence
+
+
 def test_every_check_has_a_fault_that_fails_it(good: Run, rig: Rig) -> None:
     of_the_device = {"clock_fit", "latch"}  # which test_what_the_device_reports_is_compared_with_what_arrives tries
     checks = judged(good, rig, duration=5.0, device=WORD).checks
@@ -224,7 +246,7 @@ def test_rods_that_hung_askew_before_they_were_raised_degrade_the_run(good: Run,
 
 
 def test_a_table_without_rest_is_checked_without_the_rest(good: Run, rig: Rig) -> None:
-    verdict = judged(replace(good.swing, counts=None, pose=None, clock={}), rig)
+    verdict = judged(replace(good.swing, counts=None, pose=None, clock={}, lost={}), rig)
     assert [check.name for check in verdict.checks] == [
         "lost",
         "gap",

@@ -41,7 +41,7 @@ def test_many_wraps_of_ticks_and_positions(rng: np.random.Generator):
     frames = [*SESSION.positions(0, (0, 0, 0)), *(SESSION.sample(tick, row) for tick, row in enumerate(truth))]
     assert fed(stream, frames) == list(enumerate(truth))
     assert abs(truth[-1][1]) > 1000 * 65536
-    assert (stream.lost_tick_gap, stream.contradicted) == (0, 0)
+    assert (stream.lost_tick_gap, stream.contradicted, stream.contradicted_position) == (0, 0, 0)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -58,7 +58,7 @@ def test_gaps_are_counted_and_what_arrives_is_right(seed: int):
         tick += 1 if rng.random() < 0.95 else int(rng.integers(2, 45))
     assert fed(stream, frames) == sent
     assert stream.lost_tick_gap == sent[-1][0] + 1 - len(sent)
-    assert stream.contradicted == 0
+    assert (stream.contradicted, stream.contradicted_position) == (0, 0)
 
 
 def test_samples_missing_from_the_very_start_are_counted():
@@ -95,7 +95,7 @@ def test_a_turn_missed_in_a_gap_is_corrected_and_reported():
     assert stream.feed(Sample(1000, moved, 0, 0)) == Row(1000, (moved - 65536, 0, 0))
     stream.feed(Position(0, 1000, moved))
     assert stream.feed(Sample(1001, moved, 0, 0)) == Row(1001, (moved, 0, 0))
-    assert stream.contradicted == 1
+    assert (stream.contradicted, stream.contradicted_position) == (0, 1)
 
 
 def test_blind_ticks_follow_from_the_counters():
@@ -117,7 +117,7 @@ def test_after_a_gap_in_which_a_joint_may_have_gone_round_samples_wait_for_the_w
     assert stream.feed(Sample(1002, moved, 0, 0)) is None
     stream.feed(Position(2, 1002, 0))
     assert stream.feed(Sample(1003, moved, 0, 0)) == Row(1003, (moved, 0, 0))
-    assert (stream.lost_tick_gap, stream.contradicted) == (1000, 0)
+    assert (stream.lost_tick_gap, stream.contradicted, stream.contradicted_position) == (1000, 0, 0)
 
 
 def test_complete_counters_received_at_the_end_of_a_gap_are_kept():
@@ -145,7 +145,7 @@ def test_a_position_that_comes_far_too_late_is_not_believed():
         stream.feed(Sample(tick, tick * 400 & 0xFFFF, 0, 0))
     stream.feed(Position(0, 0, 0))
     assert stream.feed(Sample(351, 140_400 & 0xFFFF, 0, 0)) == Row(351, (140_400, 0, 0))
-    assert stream.contradicted == 0
+    assert (stream.contradicted, stream.contradicted_position) == (0, 0)
 
 
 def test_the_32_bit_counter_wraps_too():
@@ -154,7 +154,7 @@ def test_the_32_bit_counter_wraps_too():
     stream.feed(Sample(0, (edge + 5) & 0xFFFF, 0, 0))
     stream.feed(Position(0, 0, edge + 10 - (1 << 32)))
     assert stream.feed(Sample(1, (edge + 12) & 0xFFFF, 0, 0)) == Row(1, (edge + 12, 0, 0))
-    assert stream.contradicted == 0
+    assert (stream.contradicted, stream.contradicted_position) == (0, 0)
 
 
 def test_restart_begins_at_tick_0_and_keeps_positions():
@@ -176,7 +176,7 @@ def test_a_turn_of_an_idle_device_contradicts_nothing():
     stream.stop()
     for tick in range(0, 400, 20):
         stream.feed(Position(0, tick, 0 if tick < 100 else 40_000))
-    assert stream.contradicted == 0
+    assert (stream.contradicted, stream.contradicted_position) == (0, 0)
     stream.restart(blind_ticks=99)
     assert stream.feed(Sample(0, 40_000, 0, 0)) == Row(0, (40_000, 0, 0))
 
