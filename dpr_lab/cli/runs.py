@@ -80,13 +80,14 @@ def recover(
 ) -> None:
     """Write a valid run from a damaged one, or a run with a corrected rig file.
 
-    The new run contains all samples up to the first damage.
+    The new run contains all samples up to the first damage. Channels of other programs are not copied, but named.
 
     Example: dpr-lab run recover broken.mcap --out whole.mcap
 
     Example: dpr-lab run recover wrong_mass.mcap --rig corrected.toml --out corrected.mcap
     """
     from dpr_lab.rig import load_rig
+    from dpr_lab.storage.inspect import NOT_COPIED
     from dpr_lab.storage.inspect import info as inspect_run
     from dpr_lab.storage.inspect import recover as recover_run
 
@@ -98,6 +99,9 @@ def recover(
         line(f"{out}: {summary['samples']} samples, {summary['duration_s']:.3f} s recovered")
         if summary["stopped"]:
             line(f"The recording was {summary['stopped']}")
+        for note in summary["notes"]:
+            if note.startswith(NOT_COPIED):
+                say(note)
 
 
 @app.command()

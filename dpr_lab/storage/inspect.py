@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dpr_lab.errors import RunError
+from dpr_lab.errors import RunError, printable
 from dpr_lab.rig import Rig
 from dpr_lab.storage.layout import INTERRUPTED, SAMPLES, TORQUE_KEYS
 from dpr_lab.storage.metadata import RunSummary
@@ -16,6 +16,9 @@ from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.scan import Scan, no_such_file, scan, stored_messages
 from dpr_lab.storage.sidecar import read_note, read_sidecar, sidecar_of
 from dpr_lab.storage.whole_run import whole_run
+
+NOT_COPIED = "channels of other programs, not copied: "
+"""Start of the note on channels that `recover` omitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +189,8 @@ def verify(path: Path | str) -> Verification:
 def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
     """Write the valid part of a damaged run to a new, undamaged run file.
 
-    The new file states where and why the recording was interrupted. The damaged file is not changed.
+    The new file states where and why the recording was interrupted, and which channels of other programs it lacks. The
+    damaged file is not changed.
 
     Args:
         path: the damaged file
@@ -219,9 +223,20 @@ def recover(path: Path | str, out: Path | str, rig: Rig | None = None) -> int:
         run_of(replace(stored, metadata=metadata))  # the new run must be readable
         notes += ("the description of the rig was corrected after the recording",)
     with whole_run(out, metadata) as writer:
-        writer.copy(stored_messages(stored.path))
+        if omitted := writer.copy(stored_messages(stored.path)):
+            notes += (_not_copied(omitted),)
         writer.finish(replace(summary, notes=notes))
     return recovered
+
+
+def _not_copied(channels: set[str], listed: int = 5, longest: int = 60) -> str:
+    """State which channels of other programs were not copied.
+
+    At most `listed` channels are named, each with at most `longest` characters.
+    """
+    names = [printable(repr(channel[:longest])) for channel in sorted(channels)[:listed]]
+    more = f" and {len(channels) - listed} more" if len(channels) > listed else ""
+    return f"{NOT_COPIED}{', '.join(names)}{more}"
 
 
 def _refuse_fixed(stored: Scan, samples: Samples, rig: Rig) -> None:

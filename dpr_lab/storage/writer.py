@@ -192,17 +192,22 @@ class RunWriter:
         """Append a fit of device time to host time, with values by name."""
         self._add_json(CLOCK, self._since_start(host_time_ns), fit, host_time_ns)
 
-    def copy(self, messages: Iterable[Stored]) -> None:
+    def copy(self, messages: Iterable[Stored]) -> set[str]:
         """Append the messages of a run file that has the same metadata.
 
-        Messages on channels of other programs are omitted.
+        Returns:
+            Channels of other programs, whose messages are omitted.
         """
+        omitted = set[str]()
         with self.disk():
             for topic, log_time, publish_time, payload in messages:
                 if topic in self._channels:
                     self._mcap.add_message(self._channels[topic], log_time, payload, publish_time)
                     self.samples_written += topic == SAMPLES
+                else:
+                    omitted.add(topic)
         self._flush_when_due()
+        return omitted
 
     def flush(self) -> None:
         """Pass all appended messages to the operating system."""

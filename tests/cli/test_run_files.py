@@ -6,11 +6,16 @@ from dataclasses import fields
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 from dpr_lab.cli.run_info import QUANTITIES, info_rows
+from dpr_lab.rig import Rig
 from dpr_lab.storage.inspect import RunInfo
+from dpr_lab.storage.layout import RELEASED
+from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.sidecar import sidecar_of
+from dpr_lab.storage.writer import RunWriter
 
 
 @pytest.fixture
@@ -96,6 +101,17 @@ def test_files_that_are_not_runs_are_listed_between_the_runs(runs: list[Path], t
     assert str(gone) in done.err
     alone = cli("run", "info", gone, "--json")
     assert alone.code == alone.json["exit_code"] == 3
+
+
+def test_a_recovery_names_the_channels_that_it_omits(paper: Rig, tmp_path: Path, cli) -> None:
+    with RunWriter(tmp_path / "a.mcap", RunMetadata(paper, "X1", 1000)) as writer:
+        writer.samples(range(20), np.zeros((20, 3), dtype=np.int64))
+        writer._mcap.add_message(writer._mcap.register_channel("/camera", "json", 0), 5, b"{}", 5)
+        writer.event(1, RELEASED, 10)
+    done = cli("run", "recover", tmp_path / "a.mcap", "--out", tmp_path / "b.mcap")
+    assert "channels of other programs, not copied: '/camera'" in done.err
+    again = cli("run", "recover", tmp_path / "b.mcap", "--out", tmp_path / "c.mcap", "--json")
+    assert any("/camera" in note for note in again.json["notes"])
 
 
 def test_an_export_makes_its_folder(runs: list[Path], tmp_path: Path, cli) -> None:

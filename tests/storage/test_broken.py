@@ -41,15 +41,23 @@ def whole(tmp_path_factory):
     return path
 
 
-def test_a_copy_omits_the_channels_of_other_programs(tmp_path):
+@pytest.mark.parametrize(
+    ("topics", "note"),
+    [
+        (["/camera"], "'/camera'"),
+        ([f"/{i}\n" for i in range(7)], r"'/0\n', '/1\n', '/2\n', '/3\n', '/4\n' and 2 more"),
+    ],
+)
+def test_a_copy_omits_the_channels_of_other_programs_and_names_them(tmp_path, topics, note):
     with RunWriter(tmp_path / "a.mcap", RunMetadata(RIG, "X1", 1000)) as writer:
         writer.samples(range(20), np.zeros((20, 3), dtype=np.int64))
-        channel = writer._mcap.register_channel("/camera", "json", 0)
-        writer._mcap.add_message(channel, 5, b"{}", 5)
+        for topic in topics:
+            writer._mcap.add_message(writer._mcap.register_channel(topic, "json", 0), 5, b"{}", 5)
         writer.event(1, RELEASED, 10)
         writer.finish(RunSummary(10))
     assert recover(tmp_path / "a.mcap", tmp_path / "b.mcap") == 20
     assert verify(tmp_path / "b.mcap").ok
+    assert info(tmp_path / "b.mcap").notes[-1] == f"channels of other programs, not copied: {note}"
 
 
 def assert_only_true_samples(path):
