@@ -31,7 +31,7 @@ def in_words(text: str) -> str:
 
     def words(match: re.Match[str]) -> str:
         label = named(match[0])
-        return label[0].upper() + label[1:] if text[: match.start()].endswith(". ") else label
+        return label[0].upper() + label[1:] if match.string[: match.start()].endswith(". ") else label
 
     labelled = _RUN.sub(lambda match: run_label(match[0]), text)
     return _PLACE.sub(r"\1 \2", _IDENTIFIER.sub(words, labelled))
