@@ -76,7 +76,6 @@ def test_an_import_and_a_recovery_that_fail_leave_nothing(tmp_path: Path, paper,
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.slow
 def test_a_recording_without_a_temporary_file_is_a_run_error(tmp_path: Path, paper, monkeypatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -86,6 +85,7 @@ def test_a_recording_without_a_temporary_file_is_a_run_error(tmp_path: Path, pap
         writer.RunWriter(tmp_path / "run.mcap", RunMetadata(paper, "X1", 1000))
 
 
+@pytest.mark.slow
 def test_a_whole_export_has_its_final_name_alone(tmp_path: Path, recorded) -> None:
     (run, *_) = recorded({}, duration=0.2)
     for suffix in EXPORTERS:
