@@ -14,7 +14,7 @@ from dpr_lab.report.run_names import run_label
 
 _IDENTIFIER = re.compile(rf"(?<![\[\w])(?<!--without )({'|'.join(sorted(EFFECTS, key=len, reverse=True))})(?!\w)")
 _PLACE = re.compile(r"\b(joint|encoder)([012])\b")
-_RUN = re.compile(r"(?<![\w/])\d{8}T\d{6}Z_\w+_[0-9a-f]{8}(?!\.?\w)")
+_RUN = re.compile(r"(?<![\w/])\d{8}T\d{6}Z_[\w.-]+_[0-9a-f]{8}(?:-\d+)?+(?!\.?\w)")
 """Name of a recorded run without the ending of its file."""
 
 

@@ -100,3 +100,17 @@ def test_a_sentence_after_the_name_of_a_run_starts_with_a_capital() -> None:
     name = "20261121T101500Z_X1_1a2b3c4d"
     words = in_words(f"The run {name} ends. base_tilt explains it. base_tilt is small.")
     assert words == f"The run {run_label(name)} ends. Base tilt [base_tilt] explains it. Base tilt [base_tilt] is small."
+
+
+def test_each_run_has_a_label_that_no_other_run_has() -> None:
+    names = [f"20261121T1015{rest}" for rest in ("00Z_X1_1a2b3c4d", "07Z_X1_1a2b3c4d", "07Z_X1_1a2b3c4d-2")]
+    assert len({run_label(name) for name in names}) == 3
+    assert "15:07 " in run_label(names[1])
+    assert run_label(names[2]).endswith(", number 2)")
+
+
+@pytest.mark.parametrize("name", ["X1_1a2b3c4d-2", "X1_1a2b3c4d-12", "side-left_1a2b3c4d", "45.5-deg_1a2b3c4d-2"])
+def test_the_whole_name_of_a_run_is_replaced_by_its_label(name: str) -> None:
+    run = f"20261121T101507Z_{name}"
+    assert in_words(f"The swings {run}, {run} and {run}.") == "The swings {0}, {0} and {0}.".format(run_label(run))
+    assert in_words(f"dpr-lab diagnose {run}.mcap") == f"dpr-lab diagnose {run}.mcap"
