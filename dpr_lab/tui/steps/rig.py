@@ -113,7 +113,8 @@ the selected rig.
         if not name:
             raise ConfigError(self.worded(UNNAMED))
         path = Path(name).expanduser()
-        if path.exists() and path.suffix != ".toml" and name not in built_in("rigs"):
+        hides_rig = path.is_dir() and name in built_in("rigs")
+        if path.exists() and path.suffix != ".toml" and not hides_rig:
             self.query_one(Input).value = self.workspace.rig
             await self.run_action(f"app.import_table({str(path)!r})")
             return

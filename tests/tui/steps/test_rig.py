@@ -10,6 +10,7 @@ from dpr_lab.configs import BUILTIN
 from dpr_lab.rig import load_rig
 from dpr_lab.tui.steps.rig import RigStep
 from dpr_lab.tui.steps.rig_editor import RigEditor
+from dpr_lab.tui.steps.table_import import TableImport
 from dpr_lab.tui.widgets.dialogs import Question
 
 
@@ -58,6 +59,17 @@ async def test_a_folder_with_the_name_of_a_built_in_rig_does_not_hide_the_rig(
         pilot.app.query_one(RigStep).query_one(Input).value = "furuta"
         await pilot.press("u")
         await until(pilot, lambda: pilot.app.query_one(RigStep).outcome() == "furuta")
+
+
+async def test_a_table_without_suffix_that_is_named_like_a_built_in_rig_is_imported(
+    lab, until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "furuta").write_text("t,theta1,theta2\n")
+    async with lab(RigStep) as pilot:
+        pilot.app.query_one(RigStep).query_one(Input).value = "furuta"
+        await pilot.press("u")
+        await until(pilot, lambda: isinstance(pilot.app.screen, TableImport))
 
 
 async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) -> None:
