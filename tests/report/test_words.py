@@ -98,8 +98,8 @@ def test_a_run_has_the_same_name_in_sentences_and_in_tables() -> None:
 
 def test_a_sentence_after_the_name_of_a_run_starts_with_a_capital() -> None:
     name = "20261121T101500Z_X1_1a2b3c4d"
-    words = in_words(f"The run {name} ends. base_tilt explains it. base_tilt is small.")
-    assert words == f"The run {run_label(name)} ends. Base tilt [base_tilt] explains it. Base tilt [base_tilt] is small."
+    words = in_words(f"The run {name} ends. base_tilt acts. base_tilt is small.")
+    assert words == f"The run {run_label(name)} ends. Base tilt [base_tilt] acts. Base tilt [base_tilt] is small."
 
 
 def test_each_run_has_a_label_that_no_other_run_has() -> None:
