@@ -62,14 +62,16 @@ async def test_a_folder_with_the_name_of_a_built_in_rig_does_not_hide_the_rig(
 
 
 async def test_a_table_without_suffix_that_is_named_like_a_built_in_rig_is_imported(
-    lab, until, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lab, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "furuta").write_text("t,theta1,theta2\n")
     async with lab(RigStep) as pilot:
-        pilot.app.query_one(RigStep).query_one(Input).value = "furuta"
-        await pilot.press("u")
-        await until(pilot, lambda: isinstance(pilot.app.screen, TableImport))
+        step = pilot.app.query_one(RigStep)
+        step.query_one(Input).value = "furuta"
+        await step.action_read()
+        await pilot.pause()
+        assert isinstance(pilot.app.screen, TableImport)
 
 
 async def test_rigs_used_before_are_offered_first(lab, until, tmp_path: Path) -> None:
