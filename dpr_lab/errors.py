@@ -199,7 +199,8 @@ class IdentificationError(DprError):
 class UnexpectedError(DprError):
     """Raised if a plugin failed.
 
-    Its exit code is EX_SOFTWARE of sysexits.h, which also reports a bug of this program. A failed test has the code 1.
+    Its exit code is EX_SOFTWARE of sysexits.h, as for a bug of this program. It differs from 1, the code of a test that
+    did not pass.
     """
 
     exit_code = 70

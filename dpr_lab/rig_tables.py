@@ -87,7 +87,7 @@ class Encoders(RigTable):
     """Conversion of counts to angles.
 
     theta_i = zero_i + direction_i * (counts_i - zero_counts_i) * 2 pi / counts_per_rev_i, where zero_i is the
-    hanging rest (pi for the rods, 0 for the arm and for a relative joint 2).
+    angle in the hanging position (pi for the rods, 0 for the arm and for a relative joint 2).
     """
 
     counts_per_rev: tuple[CountsPerRev, CountsPerRev, CountsPerRev] = (16384, 16384, 16384)

@@ -91,7 +91,7 @@ def test_the_readme_states_the_measured_reliability() -> None:
         f"{correct} of {total}",
         f"{honest} of {total}",
         f"{partly}, {wrong} and {refused} of {total}",
-        incorrect,
+        f"{incorrect} on {total} rigs",
         f"{median} % ({worst} to {best} %)",
         f"0 of {len(verdicts)}",
     ]

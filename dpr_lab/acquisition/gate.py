@@ -327,7 +327,9 @@ def _moved(judged: JudgedRun) -> Check | None:
         return None
     readings = swing.theta if swing.counts is None else judged.rig.theta(swing.counts)
     if (turned := elbow_turn(readings, swing.mounting)) > MOUNTED.still:
-        sentence = f"joint 2 turned by {turned:.2f} rad, but --rods or --elbow declare it as fixed: correct them"
+        sentence = (
+            f"joint 2 turned by {turned:.2f} rad, but it is declared as fixed (--rods or --elbow): correct this option"
+        )
         return Check("moved", False, turned, MOUNTED.still, "rad", sentence)
     counts = judged.rig.positions(swing.theta) if swing.counts is None else swing.counts
     travel = np.ptp(counts, axis=0)[1 : 2 if judged.run.setup.held else 3]

@@ -43,7 +43,7 @@ class KnownMotion(NamedTuple):
     alpha: Array
     """(n, axes) accelerations, rad/s^2."""
     drive: Array
-    """(n, axes) known generalised torques on the angles, N m."""
+    """(n, axes) known generalised forces of the absolute angles, N m."""
 
     def part(self, mask: Flags | slice, axes: int) -> "KnownMotion":
         """Return the motion of the first `axes` axes at the times that `mask` selects."""

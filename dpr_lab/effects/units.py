@@ -86,5 +86,8 @@ def read_quantity(text: str, unit: str, example: str) -> float:
 
 
 def _normal(unit: str) -> str:
-    """Return the unit in the spelling of `UNITS`: without spaces, multiplication signs and powers."""
+    """Return the unit in the spelling of `UNITS`: without spaces, multiplication signs or carets.
+
+    Superscripts become digits, and micro and degree signs become letters.
+    """
     return "".join(unit.translate(_SPELLINGS).split())

@@ -46,7 +46,7 @@ class HeldSettings:
     hanging_rad: float = 0.2
     """Maximum distance from hanging at which free rods may rest, rad; the offset caused by stiction is smaller."""
     shortest_rest_s: float = 0.03
-    """Minimum duration of a short rest before the release that is removed, s.
+    """Minimum duration for which a short rest before the release is removed, s.
 
     A rest is short if it is shorter than `interval_s`.
     """

@@ -195,7 +195,10 @@ def same_rounding(run: Run, readings: Array, counts: Array) -> tuple[Flags, Arra
 
 
 def _still_window(run: Run) -> int:
-    """Return the minimum number of successive samples within one rounding step whose rounding errors are dependent."""
+    """Return the number of samples for which successive rounding errors count as dependent.
+
+    All of them must lie within one rounding step.
+    """
     return max(2, round(NOISE.still_s * run.rate_hz))
 
 

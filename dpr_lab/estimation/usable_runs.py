@@ -14,7 +14,7 @@ from dpr_lab.run import Run, clock_error
 
 @dataclass(frozen=True, slots=True)
 class GapSettings:
-    """Limits of the interruptions in which the motion is predicted (decision 101)."""
+    """Limits of the interruptions across which the motion may be predicted (decision 101)."""
 
     longest_s: float = 3.0
     """Longest interruption that is not refused, s. After a longer one, smoothed states can be infinite."""

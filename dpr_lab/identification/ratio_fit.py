@@ -169,7 +169,7 @@ def rods_estimate(unknown: Array, initial: Array) -> Estimate:
 
 
 def visible_of(laid_out: Segments) -> tuple[int, ...]:
-    """Return the indices of the ratios, b and p/b that the runs of segments determine.
+    """Return the indices of the unknowns (ratios, b and p/b) that the given segments determine.
 
     The inertia b is included if a known mass or torque makes it identifiable.
     """

@@ -159,9 +159,11 @@ def uncertainty(ratio_fit: RatioFit) -> RatioUncertainty:
     The covariance is computed from the Fisher information at the actual residual variance. It is increased if the
     scores of blocks of residuals scatter more than the information predicts. For white residuals, information and
     scatter agree, and the information is more accurate, because few blocks contain most of the information of a chaotic
-    run. Correlated residuals increase the scatter of the blocks. If the model error dominates, it changes slowly along
-    a run. The 90 % interval is then at least as wide as the difference between the estimates from the first and second
-    halves of the runs.
+    run. Correlated residuals increase the scatter of the blocks.
+
+    A model error changes slowly along a run, so that blocks underestimate its scatter. If it dominates, the 90 %
+    interval is therefore made at least as wide as the difference between the estimates from the first and second halves
+    of the runs.
 
     Raises:
         LinAlgError: the recordings do not determine the unknowns.

@@ -83,7 +83,7 @@ def swings(Z: ArrayLike, rig: Rig, step: float = STEP) -> Array:
 
 
 def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
-    """Compute E(Z) of one set of parameters in every interpretation in `TERMS`.
+    """Compute E(Z) of one set of parameters for each interpretation in `TERMS`.
 
     Args:
         Z: (9,) parameters, SI units
@@ -91,7 +91,8 @@ def errors(Z: ArrayLike, truth: Array, rig: Rig) -> dict[str, Array]:
         rig: L1, g and poses
 
     Returns:
-        E (3,) for X1, X2, X3 by the name of the interpretation, rad^2; speeds contribute (rad/s)^2
+        for the name of each interpretation, E (3,) of the poses X1, X2, X3; squared angles in rad^2 and squared speeds
+        in (rad/s)^2 are added
     """
     error = swings(Z, rig) - truth
     return {name: np.sum(term(error) ** 2, axis=(1, 2)) for name, term in TERMS.items()}

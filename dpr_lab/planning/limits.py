@@ -197,7 +197,7 @@ class PlanLimits(Limits):
     arm: ArmPlan = ArmPlan()
     """Permitted states and limits of the arm."""
     minutes: StepMinutes = StepMinutes()
-    """Duration of each step of a recording."""
+    """Duration of each operation at the rig, such as clamping the arm, min."""
 
     def arm_states(self, rig: Rig) -> tuple[ArmState, ...]:
         """Return the states of the arm that a plan may use.

@@ -130,7 +130,7 @@ def worthwhile(objective: Objective, steps: Sequence[SequenceStep], limits: Plan
 def usual_count(known: Knowledge) -> int:
     """Return the maximum number of releases in a plan without a budget.
 
-    It is 1 or 0 if the causes and all limits are decided.
+    If the causes and all limits are decided, it is `LENGTH.optional` while another effect is not excluded, otherwise 0.
     """
     if known.diagnosis is None or not decided(known.diagnosis) or known.open_limits:
         return LENGTH.usual

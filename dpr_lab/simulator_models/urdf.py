@@ -69,7 +69,7 @@ _READ = {
 
 
 WORLD = "world"
-"""Name of the link to which a robot may be fixed without declaring it (Drake)."""
+"""Name of the link that a file may use as a parent without declaring it (convention of Drake)."""
 
 
 def _refuse_macros(root: Element, path: Path) -> None:

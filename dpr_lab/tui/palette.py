@@ -17,7 +17,7 @@ def commands(
 ) -> Iterator[SystemCommand]:
     """Yield a command for each step and each action.
 
-    An action of another step first shows that step, by `go` with its number from 1.
+    An action of a step that is not displayed first calls `go` with the number of this step, which begins at 1.
     """
     for number, step in enumerate(steps, 1):
         yield SystemCommand(f"{number} {step.NAME}", f"Go to step {number}", partial(go, number))

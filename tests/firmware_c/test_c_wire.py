@@ -46,7 +46,7 @@ def _integer(bits: int, signed: bool) -> type:
     return getattr(ctypes, f"c_{'int' if signed else 'uint'}{size}")
 
 
-@pytest.mark.parametrize("row", VECTORS["frames"], ids=lambda row: row["serial"])
+@pytest.mark.parametrize("row", VECTORS["frames"], ids=lambda row: row.get("serial", row["message"]))
 def test_golden_frame(row, library, framing):
     data, name = bytes.fromhex(row["data"]), row["message"].lower()
     message, packed = struct_of(row["message"])(**row["fields"]), ctypes.create_string_buffer(8)

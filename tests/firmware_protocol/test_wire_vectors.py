@@ -19,7 +19,7 @@ def message_of(row: dict) -> Message:
     return kind(**{name: hints[name](value) for name, value in result.items()})
 
 
-@pytest.mark.parametrize("row", VECTORS["frames"], ids=lambda row: row["serial"])
+@pytest.mark.parametrize("row", VECTORS["frames"], ids=lambda row: row.get("serial", row["message"]))
 def test_golden_frame(row: dict):
     message = message_of(row)
     frame = encode(message, row["node"])

@@ -164,7 +164,7 @@ def test_wrapped_angles_are_unwrapped_and_reported(tmp_path):
     file = table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, THETA1, (theta2 + np.pi) % (2 * np.pi) - np.pi)
     run = read(file)
     np.testing.assert_allclose(np.diff(run.theta[:, 2]), np.diff(theta2), atol=1e-9)
-    assert run.notes[0] == "theta2: wrapped by the logger, unwrapped"
+    assert run.notes[0] == "theta2: the logger wrapped this angle; the import unwrapped it"
 
 
 @pytest.mark.slow
@@ -361,7 +361,7 @@ def test_a_logger_that_wraps_back_and_forth_at_its_end_is_unwrapped(tmp_path):
     wrapped = (turning + np.pi) % (2 * np.pi) - np.pi
     run = read(table(tmp_path / "a.csv", ("t", "theta1", "theta2"), T, wrapped, THETA2))
     np.testing.assert_allclose(np.diff(run.theta[:, 1]), np.diff(turning), atol=1e-9)
-    assert run.notes[0] == "theta1: wrapped by the logger, unwrapped"
+    assert run.notes[0] == "theta1: the logger wrapped this angle; the import unwrapped it"
 
 
 def test_angles_of_many_turns_are_taken_as_they_are(tmp_path):

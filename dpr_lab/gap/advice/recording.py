@@ -29,7 +29,7 @@ DISTINGUISHED = 5.0
 
 
 def form(check: AdvisedCheck) -> str:
-    """Return how the result of a recording is entered on the command line."""
+    """Describe the command-line argument that gives the result of a recording."""
     return "its run files"
 
 

@@ -90,7 +90,7 @@ def _size(scale: Scale, effect: str, name: str, value: float, half_width: float)
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:
     """Return the alternatives to the effects of the selected set, most probable first.
 
-    With `closest`, no effect is named, and the effects of the set itself come first.
+    If `closest` is true, no effect is named, and the effects of the selected set precede their alternatives.
     """
     others = [
         _rival(other, (other.name,), other.cosine, posterior.name)

@@ -30,9 +30,10 @@ T = TypeVar("T")
 
 
 def at_own_scale(selection: Selection, problem: Problem, rig: Rig) -> Selection:
-    """Convert the sizes of all sets to the b that follows from measured values and the selected set.
+    """Convert the sizes of all sets to the inertia b that follows from measured values.
 
-    The selection is unchanged if the recordings determine b, or if measured values do not.
+    The ratios of the selected set convert the measured values to b. The selection is returned unchanged if the
+    recordings already determine b, or if the measured values do not determine it.
     """
     fit = selection.chosen.fit
     if _fits_scale(fit) or any(setup.torques for setup in problem.segments.setups):

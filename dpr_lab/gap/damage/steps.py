@@ -40,8 +40,9 @@ STEPS = StepSettings()
 def shows_step(record: Record, joint: int, instant: float, size: float) -> bool:
     """Return whether the readings themselves contain the step of a residual.
 
-    A polynomial with a step is fitted to the readings. Its step must be significant, and must not be far smaller than
-    the step of the residual (`StepSettings`). The result is False if too few readings lie before or after the instant.
+    A polynomial with a step is fitted to the readings. Its step must be significant, or at least the part
+    `StepSettings.part` of the step of the residual, and must not be significantly smaller than this part. The result is
+    False if too few readings lie before or after the instant.
 
     Args:
         record: the recording

@@ -155,7 +155,10 @@ def _curve(joint: int, free: Sequence[FreeParameter]) -> list[FreeParameter]:
 def linear_torque(
     joint: int, speeds: Array, estimate: Estimate, free: Sequence[FreeParameter], constants: RigConstants
 ) -> tuple[Array, Array]:
-    """Return the (speeds,) friction torque of a joint, N m, and its (speeds, free) derivatives by the fitted values."""
+    """Return the (speeds,) friction torque of a joint, N m, and its (speeds, free) derivatives.
+
+    The derivatives are those with respect to the fitted parameters.
+    """
     vectors = np.tile(estimate.vector, (len(free) + 1, 1))
     steps = np.array([column.step for column in free])
     vectors[range(1, len(vectors)), [column.place for column in free]] += steps

@@ -129,8 +129,8 @@ class _Folds:
     def free_in(self, fold: Fold, V: Array) -> Flags:
         """Return a (free,) mask of the parameters that are free in a held-out run.
 
-        These are the encoder zeros that are set before the run, and the shape parameters whose variance grows too much
-        without the run. V is the covariance without the run.
+        These are the encoder zeros of this run, if they are set before each run, and the shape parameters whose
+        variance grows too much if the run is left out. V is the covariance of the fit without the run.
         """
         zeros = self.zeros & (np.diag(self.H) - np.diag(fold.H) <= 1.0)
         if not self.shapes.any():

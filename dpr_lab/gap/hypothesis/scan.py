@@ -229,13 +229,13 @@ def _within(columns: Array, others: Array, count: int) -> Array:
 def shape_columns(
     problem: Problem, reference: Trajectory, effect: Effect, sizes: Sequence[float], shapes: Sequence[Shape]
 ) -> Iterator[Array]:
-    """Yield the (segments, m, block * sizes) changes of the readings by an effect, for blocks of its shapes.
+    """Yield the (segments, m, block * sizes) changes of the readings caused by an effect, for blocks of its shapes.
 
     Args:
         problem: segments and noise
         reference: trajectory along which the effect acts
         effect: a torque along the trajectory
-        sizes: size of each of the leading amplitudes; each column contains one of them
+        sizes: size of each of the leading amplitudes; in each column, only one of them is not zero
         shapes: shapes of the effect
     """
     at_once = max(1, SCAN.block // len(sizes))

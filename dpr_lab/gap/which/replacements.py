@@ -194,11 +194,11 @@ def fit_alternatives(fitted_sets: FittedSets, chosen: Hypothesis) -> Mapping[fro
     """Fit the sets in which an alternative replaces an effect, and return all fitted sets.
 
     Alternatives are effects that are indistinguishable in the score test, effects with the largest scores and, while a
-    residual remains, simpler forms. A fit can reduce the cost by much more than its linear score predicts. Common
-    effects, and while a residual remains all effects, with a similar signature and score are therefore fitted as well.
-    If an indistinguishable effect fits worse, its fit ended in a local minimum and is repeated from the solution of the
-    selected set. Its fit is also repeated from other initial values, unless its cost is far too high
-    (`EFFORT.hopeless`).
+    residual remains, simpler forms. A fit can reduce the cost by much more than its linear score predicts. Effects with
+    a similar signature and score are therefore fitted as well: only common effects if the selected set leaves only
+    noise, otherwise all of them. If an indistinguishable effect fits worse, its fit ended in a local minimum and is
+    repeated from the solution of the selected set. Its fit is also repeated from other initial values, unless its cost
+    is far too high (`EFFORT.hopeless`).
     """
     if not chosen.at_noise_floor:
         for simpler in simpler_forms(fitted_sets, chosen):

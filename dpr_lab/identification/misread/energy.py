@@ -70,7 +70,7 @@ ENERGY = EnergyRiseSettings()
 
 
 def energy_rise(runs: Sequence[PreprocessedRun], rig: Rig) -> float:
-    """Compute the smallest sum of energy increases over all ratios, relative to the range of the energy.
+    """Minimise the sum of the energy increases over the ratios; return it relative to the range of the energy.
 
     The result is 0 for passive rods. Runs with a moving arm, with a single rod, or with much noise are ignored. If no
     other run remains, the result is 0.
@@ -123,9 +123,9 @@ def _arm_measured(run: Run) -> bool:
 def relative_rise(
     means: Sequence[Array], parts: Sequence[Array], bounds: Sequence[tuple[float | None, float | None]]
 ) -> float:
-    """Compute the smallest sum of energy increases, relative to the range of the energy.
+    """Minimise the sum of the energy increases over k - 1 parameters; return it relative to the range of the energy.
 
-    The result is 0 if the sum cannot be computed.
+    The minimum is found by linear programming. The result is 0 if the sum cannot be computed.
 
     Args:
         means: for each run, (intervals, k) means of the terms of the energy; the parameter of the first term is 1

@@ -51,7 +51,7 @@ from dpr_lab.planning.stopping import Causes, not_excluded, recurring
 
 @dataclass(frozen=True, slots=True)
 class Worth:
-    """Weights of the parts of the value of a plan."""
+    """Weights and thresholds of the objective function of a plan."""
 
     library: float = 0.3
     """Weight of a bit about the library while causes are undecided, so that a plan can detect unexpected causes."""

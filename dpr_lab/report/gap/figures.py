@@ -56,7 +56,7 @@ def waterfall_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def horizon_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the gap of bare and corrected model against the length of segments with fitted initial states."""
+    """Plot the gap of the bare and of the corrected model against the segment length; initial states are fitted."""
     lengths = [float(length) for length in diagnosis.gap.by_horizon]
     if not lengths:
         return empty_figure("The gap by segment length was not computed.")

@@ -79,8 +79,8 @@ class QuestionSettings:
     jitter: float = 3.0
     """Minimum ratio of this travel to the range of the position of the cart at rest."""
     near_rate: float = 1.5
-    """Maximum factor between the rate that conserves the energy best and the rate of the rows in a film of which not
-    every frame has a row. The rates that are compared differ by factors of two."""
+    """For a film with missing rows, maximum ratio of the rate that conserves the energy best to the rate of the rows.
+    The rates that are compared differ by factors of two."""
 
 
 SETTINGS = QuestionSettings()

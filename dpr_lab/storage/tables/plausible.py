@@ -174,7 +174,11 @@ def turn_of_hanging(angle: Array) -> float:
 
 def wrap_notes(angles: Mapping[str, Array]) -> list[str]:
     """Return a note for each axis whose angle (n,), rad, was wrapped by the logger."""
-    return [f"{axis}: wrapped by the logger, unwrapped" for axis, x in angles.items() if unwrapped(x) is not x]
+    return [
+        f"{axis}: the logger wrapped this angle; the import unwrapped it"
+        for axis, x in angles.items()
+        if unwrapped(x) is not x
+    ]
 
 
 def turn_notes(angles: Mapping[str, Array]) -> list[str]:

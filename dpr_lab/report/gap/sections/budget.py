@@ -70,11 +70,11 @@ def _judged(error: float, uncertainty: float) -> str:
     "source",
     "kind",
     "origin",
-    "share not corrected by the fit",
+    "share not excluded by the recordings",
     "bare model (mrad rms)",
     "corrected model (mrad rms)",
-    caption="Share not corrected by the fit of the corrected model: the fit partly compensates for an error of an"
-    " input. Only the remaining share of the error contributes.",
+    caption="Share not excluded by the recordings: a larger error of an input would be visible in the residual of the"
+    " corrected model. Only this share of its standard uncertainty contributes.",
     style="prose",
     title="Values of the uncertainty budget",
 )
