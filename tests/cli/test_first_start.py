@@ -21,7 +21,7 @@ def test_the_compilation_is_announced_once(capsys: pytest.CaptureFixture[str]) -
         compiling()
     compiling()
     assert capsys.readouterr().err == f"{COMPILING}\n"
-    assert "one to three minutes" in COMPILING
+    assert "at most three minutes" in COMPILING
 
 
 def test_a_note_of_several_runs_is_printed_once(capsys: pytest.CaptureFixture[str]) -> None:
