@@ -136,7 +136,7 @@ CACHE, FOREIGN = choose_cache(_ROOTS, cache_name(Path(__file__).parent))
 if the home folder is read-only. Kernels are then compiled in every process."""
 
 COMPILING = (f"{FOREIGN}. " if FOREIGN else "") + (
-    "compiling the numerical kernels of this task, once on this computer: at most three minutes"
+    "compiling kernels of this task, once on this computer: at most three minutes"
     if CACHE is not None
     else "compiling the kernels: one to three minutes at every start, because no cache folder can be written"
 )
