@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from matplotlib.figure import Figure
@@ -38,26 +37,20 @@ def test_every_cell_of_a_notebook_runs_and_its_result_is_shown(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {"__name__": "__main__"}
+    from IPython.core.interactiveshell import InteractiveShell  # only this long test needs it
+
+    shell = InteractiveShell()
     code = [block.text for block in blocks(page) if block.language == "{code-cell} ipython3"]
     shown = list[str]()
     for cell in code:
-        cell = re.sub(r"^(:tags: .*|%matplotlib inline)$", "", cell, flags=re.MULTILINE)
-        body = ast.parse(cell, str(page)).body
-        last = body.pop().value if body and isinstance(body[-1], ast.Expr) else None
-        exec(compile(ast.Module(body, []), str(page), "exec"), names)
-        if last is not None:
-            shown.append(displayed(eval(compile(ast.Expression(last), str(page), "eval"), names)))
+        done = shell.run_cell(re.sub(r"^(:tags: .*|%matplotlib inline)$", "", cell, flags=re.MULTILINE))
+        done.raise_error()
+        if isinstance(done.result, Figure):
+            done.result.savefig(io.BytesIO())
+        elif done.result is not None:
+            shown.append(done.result._repr_html_() if hasattr(done.result, "_repr_html_") else repr(done.result))
     assert len(code) >= 8
     assert any("coulomb_" in text for text in shown), shown
-
-
-def displayed(result: Any) -> str:
-    """What a notebook displays of the result of a cell: a figure is drawn, and a result or table becomes HTML."""
-    if isinstance(result, Figure):
-        result.savefig(io.BytesIO())
-        return ""
-    return result._repr_html_() if hasattr(result, "_repr_html_") else repr(result)
 
 
 def test_every_file_the_readme_names_exists() -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import pytest
@@ -253,14 +254,21 @@ def test_samples_received_before_the_cable_was_pulled_are_delivered_first(simula
             device.stop()
 
 
-@pytest.mark.parametrize("last", ["two devices", "port"])
-def test_samples_of_the_last_read_are_delivered_before_the_error(last: str) -> None:
-    loop = Loop()
+@contextmanager
+def streaming(loop: Loop) -> Iterator[Device]:
+    """Provide a device that streams at 1 kHz and has reported its complete counts, all zero."""
     with Device(loop) as device:
         device.connect()
         device.hold()
         device.stream(1000)
         loop.push(list(loop.session.positions(0, (0, 0, 0))))
+        yield device
+
+
+@pytest.mark.parametrize("last", ["two devices", "port"])
+def test_samples_of_the_last_read_are_delivered_before_the_error(last: str) -> None:
+    loop = Loop()
+    with streaming(loop) as device:
         frames = [loop.session.sample(tick, (0, 0, 0)) for tick in range(3)]
         other = encode(Info(2, {"uid_low": 7}))
         loop.push(frames + ([other] if last == "two devices" else []))

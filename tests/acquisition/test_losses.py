@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from dpr_lab.acquisition.batch import Batch
-from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.recording import Recording
 from dpr_lab.rig import Rig
 from dpr_lab.run import LOSS_CAUSES
@@ -11,7 +10,7 @@ from dpr_lab.storage.metadata import RunMetadata
 from dpr_lab.storage.writer import RunWriter
 from firmware_protocol.messages import Position
 from firmware_protocol.stream import Row
-from tests.acquisition.test_device import Loop, at_least, collect
+from tests.acquisition.test_device import Loop, at_least, collect, streaming
 
 HALF_RANGE = 0x8000
 
@@ -19,11 +18,7 @@ HALF_RANGE = 0x8000
 def test_a_turn_of_an_idle_device_contradicts_no_samples() -> None:
     """After STOP, the ticks of the device restart at 0 and reach those of the stream again."""
     loop = Loop()
-    with Device(loop) as device:
-        device.connect()
-        device.hold()
-        device.stream(1000)
-        loop.push(list(loop.session.positions(0, (0, 0, 0))))
+    with streaming(loop) as device:
         loop.push([loop.session.sample(tick, (0, 0, 0)) for tick in range(200)])
         collect(device, at_least(199))
         device.stop()
