@@ -89,6 +89,18 @@ async def test_a_new_key_works_and_the_old_one_does_not(tmp_path: Path) -> None:
         assert "2 of each pose" in str(checklist.render())
 
 
+@pytest.mark.slow
+async def test_a_report_that_arrives_while_the_screen_ends_is_not_drawn(tmp_path: Path) -> None:
+    # A timer of the step asked for the chart of the swing while Textual removed the widgets.
+    app = DprApp(Workspace(out=tmp_path), tmp_path / "state", steps=STEPS[:3])
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        step = app.query_one(CaptureStep)
+    assert not step.query("#swing")
+    with app._context():
+        step._draw()
+
+
 MOVES = {"left", "right", "up", "down", "home", "end", "shift+up", "shift+down", "escape", "enter"}
 """Keys for moving, selecting and leaving in all lists."""
 

@@ -344,7 +344,7 @@ Grey values are outdated: no newer message has arrived from the device, and the 
         return kept(self.workspace.runs, self._rig.poses if self._rig is not None else ())
 
     def _draw(self) -> None:
-        if self._rig is None or not self.is_mounted:
+        if self._rig is None or not self.is_mounted or not self.app.is_running:  # an app that ends removes widgets
             return
         now = time.monotonic()
         state = CaptureState(
