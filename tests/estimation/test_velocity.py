@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from dpr_lab.acquisition.live_speed import LiveSpeed
 from dpr_lab.dynamics.base import base_parameters
 from dpr_lab.dynamics.simulate import simulate
 from dpr_lab.errors import RunError
@@ -162,6 +163,23 @@ def test_tuned_noise_follows_the_swing():
     assert snap[:1000, 1].mean() > 3 * snap[-1000:, 1].mean()
 
 
+@pytest.mark.parametrize("factor", [1.0, 1e6])
+def test_tuned_noise_is_that_of_a_simulated_chain(rng, factor):
+    """White noise of known strength in the fourth derivative, read with known noise: the memory is right within 1.5."""
+    sigma, period, n = 1e-4, 1e-3, 2000
+    snap = factor * np.array([1.0, 4.0]) * sigma**2 * period / (10 * period) ** (2 * CHAIN)
+    F, Q = van_loan(period, snap)
+    root, x, states = np.linalg.cholesky(Q), np.zeros(2 * CHAIN), []
+    for _ in range(n):
+        states.append(x[[0, CHAIN]])
+        x = F @ x + root @ rng.standard_normal(2 * CHAIN)
+    theta = np.array(states) + sigma * rng.standard_normal((n, 2))
+    run = Run("chain", period * np.arange(n), np.column_stack([np.zeros(n), theta]), None, None, "paper", "", 1000.0)
+    result = tuned_snap(run, NoiseFloor(np.full(2, sigma), JointAngles(relative2=False)))
+    memory = (np.exp(np.log(result).mean(axis=0)) / snap) ** (1 / (2 * CHAIN))
+    np.testing.assert_allclose(np.log(memory), 0.0, atol=math.log(1.5))
+
+
 def test_live_speed_is_near_the_truth_and_only_looks_back():
     run, truth = recording("X2", 1000)
     noise = noise_floor(run, RIG)
@@ -182,6 +200,26 @@ def test_the_last_speeds_of_the_live_filter_are_those_of_the_smoother():
     live = VelocityFilter(noise.covariance, run.rate_hz, snap)
     *_, last = (live.update(time, angles) for time, angles in zip(t, run.theta[:, 1:], strict=True))
     np.testing.assert_allclose(last, smooth(run, noise, snap)[-1, 2:], rtol=1e-6)
+
+
+@pytest.mark.parametrize("pose", ["X2", "X3"])
+def test_a_tenth_or_ten_times_the_process_noise_makes_live_speeds_worse(pose):
+    run, truth = recording(pose, LIVE.most_hz)
+    covariance, errors = noise_floor(run, RIG).covariance, []
+    for factor in (1.0, 0.1, 10.0):
+        live = VelocityFilter(covariance, run.rate_hz, factor * LIVE.snap)
+        speeds = np.array([live.update(*sample) for sample in zip(run.swing.t, run.swing.theta[:, 1:], strict=True)])
+        errors.append(rms(speeds[50:] - truth[50:, 2:]))
+    assert 1.1 * errors[0] < min(errors[1:])
+
+
+def test_live_speeds_have_the_noise_of_both_encoders():
+    """The encoder of joint 2 is relative, so the angle of the outer rod contains the noise of both."""
+    run, _ = recording("X3", LIVE.most_hz, 1)
+    s1, s2 = np.square(2 * np.pi / 16384 * np.hypot(RIG.encoders.noise_counts, 12**-0.5) * np.ones(2))
+    live = VelocityFilter([[s1, s1], [s1, s1 + s2]], run.rate_hz)
+    *_, last = (live.update(*sample) for sample in zip(run.swing.t, run.swing.theta[:, 1:], strict=True))
+    np.testing.assert_allclose(LiveSpeed(RIG, run.rate_hz).after(run.t, run.theta), last, rtol=1e-9)
 
 
 def test_live_filter_bridges_a_gap_and_refuses_to_go_back():
