@@ -1,7 +1,8 @@
-"""Diagnoses of the recordings of two real rigs, if the user has these recordings."""
+"""Real rigs with their recordings; diagnoses of two of them, if the user has these recordings."""
 
 import json
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,40 @@ PIECES, PIECE_S = 8, 10.0
 CLAIMED = 0.5
 FIXED = 5.0  # factor by which an unmeasured value may differ from its nominal value
 DRY = ("coulomb", "stribeck", "friction_curve", "hysteresis")
+
+
+@dataclass(frozen=True, slots=True)
+class Published:
+    """Model that the authors of the rig published."""
+
+    Z: Mapping[str, float]
+    """Nine parameters, SI units, by name."""
+    effects: Mapping[str, Mapping[str, float]]
+    """Further terms of the model: parameters of each effect of the library."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class RealRig:
+    """A real rig and its recordings."""
+
+    title: str
+    known: str
+    rig: Rig
+    runs: list[Run]
+    published: Published | None = None
+
+    @property
+    def folds(self) -> Iterator[tuple[list[Run], list[Run]]]:
+        """Fitted and held-out runs of each diagnosis, with each run held out once.
+
+        A single run is not held out; the diagnosis cuts it into parts.
+        """
+        if len(self.runs) == 1:
+            yield self.runs, []
+        else:
+            for unseen in self.runs:
+                yield [run for run in self.runs if run is not unseen], [unseen]
 
 
 def real_bars(folder: Path) -> list[Bar]:
