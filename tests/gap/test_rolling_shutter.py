@@ -11,6 +11,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from dpr_lab.acceptance.free_run import free_run_errors
+from dpr_lab.dynamics.rig_constants import rig_constants
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.films import likeliest_shutter, shutter_explains_more
@@ -128,3 +129,12 @@ def test_a_correction_after_which_other_readings_are_left_out_is_not_kept() -> N
     before, after = np.full(6, 1000.0), np.full(6, 50.0)
     assert shutter_explains_more(fitted(before), fitted(after))
     assert not shutter_explains_more(fitted(before), fitted(after[:5]))
+
+
+def test_readings_of_a_rod_that_outruns_the_lines_are_put_in_the_order_of_their_instants() -> None:
+    rig, t = double_rig(), np.arange(0, 2, 1 / 25)
+    constants = rig_constants(rig)
+    theta = np.pi + np.column_stack([30 * t, 30 * t])
+    shutter = RollingShutter(lines="horizontal", delay_s_per_m=1 / (0.5 * 25))
+    corrected = shutter.corrected(t, rig.encoders.joint_angles.of_rods(theta), constants, alone=False)
+    assert np.isfinite(corrected).all()

@@ -37,7 +37,8 @@ class RollingShutter(Saved):
         """Interpolate readings to the times at which the line of the pivot is exposed.
 
         The ends of the rods are at p_i at the times t_i + k n . p_i. These positions are interpolated to t_i by cubic
-        splines.
+        splines. The times need not increase with i: a point that moves faster than the lines are read, or too large a
+        delay, exchanges neighbouring times.
 
         Args:
             t: (n,) times at which the line of the pivot is exposed, s
@@ -51,13 +52,18 @@ class RollingShutter(Saved):
         from scipy.interpolate import CubicSpline  # slow to import, and few recordings need it
 
         normal, joints = np.array(NORMALS[self.lines]), JointAngles(constants.relative2 == 1.0)
+
+        def at_pivot(values: Array, position: Array) -> Array:
+            instants, order = np.unique(t + self.delay_s_per_m * position @ normal, return_index=True)
+            return CubicSpline(instants, values[order])(t)
+
         theta = shown @ joints.to_rods_matrix.T
         elbow = _end(theta[:, 0], constants.L1)
-        theta1 = CubicSpline(t + self.delay_s_per_m * elbow @ normal, theta[:, 0])(t)
+        theta1 = at_pivot(theta[:, 0], elbow)
         if alone:
             return np.column_stack([theta1, shown[:, 1]])
         tip = elbow + _end(theta[:, 1], constants.L2)
-        rod2 = CubicSpline(t + self.delay_s_per_m * tip @ normal, tip)(t) - _end(theta1, constants.L1)
+        rod2 = at_pivot(tip, tip) - _end(theta1, constants.L1)
         turned = np.arctan2(-rod2[:, 0], rod2[:, 1]) - theta[:, 1]
         theta2 = theta[:, 1] + without_turns(turned)
         return joints.of_rods(np.column_stack([theta1, theta2]))
