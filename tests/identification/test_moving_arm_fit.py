@@ -95,6 +95,11 @@ def test_a_known_torque_determines_ratios_and_absolute_values():
     assert not model.failures
     with pytest.raises(RunError, match="the input of the model is torque, that of the rig file voltage"):
         model.refuse_run(run, rig_with("driven", "voltage"))
+    shorter = rig.model_copy(update={"rig": rig.rig.model_copy(update={"L1": 0.5})})
+    with pytest.raises(
+        RunError, match=rf"L1 = 0.5 m, rods: both\), but the model belongs to .* \(L1 = {rig.L1:g} m, rods: both"
+    ):
+        model.refuse_run(run, shorter)
     compared = compare_moving_arm(run, rig, model)
     assert all(compared.rms_rad[name] < 1.3 * NOISE for name in compared.rms_rad)
     assert to_dataframe(model).loc["A/b", "value"] == model.ratios["A/b"].value

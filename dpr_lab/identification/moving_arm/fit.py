@@ -182,8 +182,8 @@ def _following(longer: ArmProblem, start: Estimate, near_rad: float) -> tuple[Fl
     """Check for each segment whether its free run is accurate.
 
     Returns:
-        (segments,) whether the free run stays near all readings, and its derivatives are accurate (segments,) whether
-        the integration error is negligible
+        (segments,) whether the free run stays near all readings with accurate derivatives, and (segments,) whether the
+        integration error is negligible
     """
     finer = longer.with_cuts(longer.cuts, longer.max_step / 2)
     with np.errstate(invalid="ignore", over="ignore"):
@@ -256,8 +256,8 @@ def fit_segments(
     """
     if not np.isfinite(problem.chi2(start)):
         raise IdentificationError(
-            "the arm and rods of the rig file cannot be simulated over a quarter of a second: check [arm], [motor] and"
-            " [parameters], and the units of the angles"
+            "the arm and rods of the rig file cannot be simulated: check [arm], [motor] and [parameters], and the units"
+            " of the angles"
         )
     free = () if states_only else problem.unknowns.parameters
     return ArmFit(problem, fit(problem, start, free, iterations=iterations, settings=TO_THE_MINIMUM))

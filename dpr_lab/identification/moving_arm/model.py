@@ -88,7 +88,9 @@ class MovingArmModel(FittedModel):
         """
         name = run.file or run.name
         if (self.rig.name, self.rig.L1) != (rig.name, rig.L1) or self.mounted != rig.rods.mounted:
-            raise RunError(f"{name}: is a run of {rig.name}, but the model belongs to {self.rig.name}")
+            of_run = f"{rig.name} (L1 = {rig.L1:g} m, rods: {rig.rods.mounted})"
+            of_model = f"{self.rig.name} (L1 = {self.rig.L1:g} m, rods: {self.mounted})"
+            raise RunError(f"{name}: is a run of {of_run}, but the model belongs to {of_model}")
         if run.arm_mode == "driven" and self.input != rig.input:
             inputs = f"the input of the model is {self.input or 'none'}, that of the rig file {rig.input or 'none'}"
             raise RunError(f"{name}: its arm is driven, but {inputs}")
