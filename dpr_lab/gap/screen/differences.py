@@ -119,7 +119,5 @@ def _line(speed2: Array, residual: Array, floor: float, level: Callable[[Array],
         return 0.0, math.inf
     relative = np.sqrt(SPEED_NOISE.relative_variance * SPEED_NOISE.overlap / in_bin)
     weights = 1 / (np.maximum(y, SPEED_NOISE.least_level * y.max()) * relative)
-    A = np.stack([np.ones(SPEED_NOISE.bins), x], axis=1) * weights[:, None]
-    covariance = np.linalg.pinv(A.T @ A)
-    slope = (covariance @ A.T @ (y * weights))[1]
-    return float(slope), float(np.sqrt(covariance[1, 1]))
+    (slope, _), covariance = np.polyfit(x, y, 1, w=weights, cov="unscaled")
+    return float(slope), float(np.sqrt(covariance[0, 0]))

@@ -138,22 +138,15 @@ def _filters(half: int) -> tuple[Array, Array]:
 def _peaks(z: Array, half: int) -> Integers:
     """Return the indices of significant local maxima far above their surroundings."""
     highest = np.flatnonzero((z > LOCAL_FAULTS.stands_out) & (z >= neighbours(z, half).max(axis=1)))
-    return highest[z[highest] > LOCAL_FAULTS.above_surroundings * _usual(z, highest, half)]
+    usual = np.array([_usual(z, centre, half) for centre in highest.tolist()])
+    return highest[z[highest] > LOCAL_FAULTS.above_surroundings * usual]
 
 
-def _usual(z: Array, centres: Integers, half: int) -> Array:
-    """Return a quantile of the values around each centre, (centres,).
-
-    The values are those at a distance of 2 to 10 half windows from the centre. The quantile is zero if there are no
-    such values.
-    """
-    reach, share = 10 * half, LOCAL_FAULTS.usual
-    away = np.concatenate([np.arange(-reach, -2 * half), np.arange(2 * half + 1, reach)])
-    around = np.sort(np.pad(z, reach, constant_values=np.inf)[reach + centres[:, None] + away], axis=1)
-    last = np.maximum(np.isfinite(around).sum(axis=1) - 1, 0)
-    below = np.floor(share * last).astype(np.int64)
-    low, high = (np.take_along_axis(around, i[:, None], axis=1)[:, 0] for i in (below, np.minimum(below + 1, last)))
-    return np.where(np.isfinite(low), low + (high - low) * (share * last - below), 0.0)
+def _usual(z: Array, centre: int, half: int) -> float:
+    """Return a quantile of the values at a distance of 2 to 10 half windows from a centre; zero without such values."""
+    before, after = z[: max(centre - 2 * half, 0)], z[centre + 2 * half + 1 :]
+    around = np.concatenate([before[-8 * half :], after[: 8 * half - 1]])
+    return float(np.quantile(around, LOCAL_FAULTS.usual)) if len(around) else 0.0
 
 
 def _step_or_outlier(t: Array, angle: Array, centre: float, period: float) -> tuple[int, float | None]:
