@@ -61,7 +61,7 @@ def corrected(state: ForwardSelected, search: Callable[[ScreenedRuns], ForwardSe
         state = search(changed)
     for correct, is_better in (
         (_with_earlier_torques, _no_worse),
-        (_with_shutter, _shutter_explains_more),
+        (_with_shutter, lambda before, after: shutter_explains_more(before.search.current, after.search.current)),
         (_with_camera, _camera_explains_more),
     ):
         if changed := correct(state.fitted, state.search.current):
@@ -101,16 +101,12 @@ def _no_worse(before: ForwardSelected, after: ForwardSelected) -> bool:
 
 
 def _with_shutter(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:
-    """Return the recordings with the shutter that explains the bare model's residual.
+    """Return the state with the readings corrected for the shutter that explains the bare model's residual.
 
     The bare model is used, because effects of the selected set may imitate a part of the delay.
     """
     shutter = likeliest_shutter(fitted.recordings, fitted.problem, fitted.bare)
     return shutter and replace(fitted, recordings=fitted.recordings.with_shutter(shutter))
-
-
-def _shutter_explains_more(before: ForwardSelected, after: ForwardSelected) -> bool:
-    return shutter_explains_more(before.search.current, after.search.current)
 
 
 def _with_camera(fitted: Fitted, model: Hypothesis) -> ScreenedRuns | None:

@@ -70,9 +70,8 @@ def shutter_explains_more(without: Hypothesis, corrected: Hypothesis) -> bool:
     """
     if len(without.fit.linear.chi2_by_segment) != len(corrected.fit.linear.chi2_by_segment):
         return False
-    inflation = corrected.inflation
-    chance = min(THRESHOLDS.chance * inflation, segment_scatter(without, corrected))
-    return without.cost - corrected.cost > chance + PENALTY.parameter * inflation
+    chance = min(corrected.chance, segment_scatter(without, corrected))
+    return without.cost - corrected.cost > chance + PENALTY.parameter * corrected.inflation
 
 
 def _improved(

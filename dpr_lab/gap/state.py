@@ -114,6 +114,13 @@ class Transferred(Selected):
     @property
     def intervals(self) -> dict[tuple[str, str], float]:
         """Half width of the 90 % interval of each value, by effect and parameter."""
-        half_width = NORMAL_Q90 * np.sqrt(np.diag(self.covariance))
-        free = self.selection.chosen.fit.free
-        return {(parameter.effect, parameter.name): float(r) for parameter, r in zip(free, half_width, strict=True)}
+        return half_widths90(self.selection.chosen, self.covariance)
+
+
+def half_widths90(model: Hypothesis, covariance: Array) -> dict[tuple[str, str], float]:
+    """Return the half width of the 90 % interval of each fitted value, by effect and parameter.
+
+    `covariance` is the (free, free) covariance of the fitted values.
+    """
+    half_widths = NORMAL_Q90 * np.sqrt(np.diag(covariance))
+    return {(p.effect, p.name): r for p, r in zip(model.fit.free, half_widths.tolist(), strict=True)}

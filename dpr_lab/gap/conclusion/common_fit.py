@@ -16,7 +16,6 @@ import numpy as np
 
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.effect import Effect, Params
-from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.gap.conclusion.uncertainty import whole_covariance
 from dpr_lab.gap.conclusion.verdict import VERDICT, DetailedVerdict, gap_is_small
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
@@ -25,7 +24,7 @@ from dpr_lab.gap.hypothesis.score_test import score_test
 from dpr_lab.gap.hypothesis.significance import most_excess
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.result.causes import CommonEffect, EffectSize
-from dpr_lab.gap.state import Fitted, Transferred
+from dpr_lab.gap.state import Fitted, Transferred, half_widths90
 from dpr_lab.gap.where.discrepancy import discrepancy
 from dpr_lab.gap.which.sizes import rises, significantly_oversized
 from dpr_lab.shown import percent
@@ -75,8 +74,7 @@ def common_fit(kind: DetailedVerdict, state: Transferred, described: DescribeSiz
     if model.key == selection.chosen.key:
         return None
     covariance = whole_covariance(problem, model, state.fitted.request.rig, discrepancy(problem, model))
-    half_widths = NORMAL_Q90 * np.sqrt(np.diag(covariance))
-    errors = {(p.effect, p.name): float(r) for p, r in zip(model.fit.free, half_widths, strict=True)}
+    errors = half_widths90(model, covariance)
     values, excess = named_params(model.estimate.params), selection.bare.residuals.excess
     return [
         CommonEffect.model_validate(

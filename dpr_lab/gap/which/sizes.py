@@ -15,14 +15,13 @@ from dpr_lab.dynamics.base import BASE, base_of_run
 from dpr_lab.effects import EFFECTS, named_params, param_index
 from dpr_lab.effects.com_offset import COM_OFFSET_LINK1
 from dpr_lab.effects.effect import Effect, Params
-from dpr_lab.effects.encoder_scale import ENCODER_SCALE
 from dpr_lab.effects.limits import oversized
-from dpr_lab.effects.spring import SPRING
 from dpr_lab.errors import IdentificationError
 from dpr_lab.fitting.covariance import considered
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
+from dpr_lab.gap.hypothesis.size_prior import SCALES, SPRINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +37,6 @@ class SizeRules:
 
 
 RULES = SizeRules()
-
-SPRINGS, ENCODER_SCALES = ([effect.name for effect in pair] for pair in (SPRING, ENCODER_SCALE))
-"""Names of the springs, and of the errors of the encoder scale, of joints 1 and 2."""
 
 SIZES = ("stiffness_Nm_per_rad", "cubic_Nm_per_rad3")
 """Names of the parameters k and k3 of a spring."""
@@ -176,7 +172,7 @@ def springs_like_scale(problem: Problem, library: Container[str], model: Hypothe
     springs: list[str] = []
     if not all(setup.held for setup in set(problem.segments.setups)):
         return ()
-    for spring, scale in zip(SPRINGS, ENCODER_SCALES, strict=True):
+    for spring, scale in zip(SPRINGS, SCALES, strict=True):
         if spring not in model.effects or scale not in library:
             continue
         stiffness, cubic = model.estimate.params[[param_index(spring, name) for name in SIZES]]
