@@ -178,10 +178,8 @@ def _profile(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: in
 
 
 def _identifiable(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, posterior: Posterior) -> Identifiable:
-    relative = ratio_uncertainty.information / max(
-        1.0, ratio_fit.chi2_per_dof
-    )  # a residual above the noise is treated as noise of that size
-    analysis = identifiability(relative, posterior.rig, posterior, lengths=False)
+    of_runs = ratio_uncertainty.information / ratio_fit.noise_factor
+    analysis = identifiability(of_runs, posterior.rig, posterior, lengths=False)
     return Identifiable.model_validate(summary(analysis))
 
 

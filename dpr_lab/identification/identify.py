@@ -235,9 +235,7 @@ def identifiability(
         alone=only_inner(run.setup for run in runs),
         clamped=clamped_cosine(run.setup for run in runs),
     )
-    # A residual above the noise floor is treated as noise of that size.
-    of_runs = ratio_uncertainty.information / max(1.0, ratio_fit.chi2_per_dof)
-    return analysed(of_runs, rig, posterior)
+    return analysed(ratio_uncertainty.information / ratio_fit.noise_factor, rig, posterior)
 
 
 def _suited(name: str, search: str) -> SearchSettings:

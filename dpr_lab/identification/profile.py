@@ -46,14 +46,14 @@ def profile90(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: i
     Returns:
         lower and upper end; infinite if the likelihood does not decrease within `widest` standard deviations
     """
-    std = ratio_uncertainty.cramer_rao_with(index) * max(1.0, ratio_fit.chi2_per_dof) ** 0.5
+    std = ratio_uncertainty.cramer_rao_with(index) * ratio_fit.noise_factor**0.5
     at_bound = ratio_uncertainty.values[index] <= 0.0
     low = 0.0 if at_bound else _end(ratio_fit, ratio_uncertainty, index, -std)
     return low, _end(ratio_fit, ratio_uncertainty, index, std)
 
 
 def _end(ratio_fit: RatioFit, ratio_uncertainty: RatioUncertainty, index: int, unit: float) -> float:
-    limit = float(chdtri(1, 0.1)) * max(1.0, ratio_fit.chi2_per_dof)
+    limit = float(chdtri(1, 0.1)) * ratio_fit.noise_factor
     centre, widest = float(ratio_uncertainty.values[index]), SETTINGS.widest
     furthest = widest if unit > 0 else min(widest, centre / -unit)
 

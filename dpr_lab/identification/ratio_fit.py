@@ -126,6 +126,11 @@ class RatioFit:
         return self.fit.chi2 / self.dof
 
     @property
+    def noise_factor(self) -> float:
+        """Factor of the variances of the noise: a residual above the noise is treated as noise of that size."""
+        return max(1.0, self.chi2_per_dof)
+
+    @property
     def initial_covariances(self) -> Array:
         """(segments, 4, 4) covariance of the initial states due to noise, with all other unknowns fixed."""
         inverse = np.linalg.inv(self.fit.linear.R)
@@ -299,5 +304,5 @@ def predictable_until(ratio_fit: RatioFit, index: int, t: Array, error_rad: floa
     _, slopes = followed(estimate.ratios, free_run, estimate.initial[index : index + 1], rig, outputs=2)
     growth = by_start(slopes[:, :2, len(RATIOS) :], setup)
     variance = np.einsum("nij,jk,nik->ni", growth, ratio_fit.initial_covariances[index], growth)
-    lost = np.flatnonzero(~(variance.max(axis=1) * max(1.0, ratio_fit.chi2_per_dof) < error_rad**2))
+    lost = np.flatnonzero(~(variance.max(axis=1) * ratio_fit.noise_factor < error_rad**2))
     return float(t[lost[0]] if len(lost) else t[-1])

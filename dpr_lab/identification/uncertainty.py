@@ -199,7 +199,7 @@ def _covariance(ratio_fit: RatioFit, H: Array, scores: Array, free: Flags) -> tu
         scores: (blocks, n) gradient of each block of residuals
         free: (n,) mask of the free unknowns
     """
-    prior, weight = ratio_fit.prior_information, max(1.0, ratio_fit.chi2_per_dof)
+    prior, weight = ratio_fit.prior_information, ratio_fit.noise_factor
     bread = np.asarray(np.linalg.inv((H + weight * prior)[np.ix_(free, free)]), dtype=np.float64)
     if not (np.diag(bread) > 0.0).all():
         raise np.linalg.LinAlgError("the information matrix is numerically singular")

@@ -79,7 +79,9 @@ def test_a_block_ends_after_half_a_second_and_with_its_segment() -> None:
 
 
 def ratio_fit(chi2_per_dof: float, prior: float) -> Any:
-    return SimpleNamespace(chi2_per_dof=chi2_per_dof, prior_information=np.array([[prior]]))
+    return SimpleNamespace(
+        chi2_per_dof=chi2_per_dof, noise_factor=max(1.0, chi2_per_dof), prior_information=np.array([[prior]])
+    )
 
 
 @pytest.mark.parametrize(
