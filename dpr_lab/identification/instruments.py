@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -43,18 +44,11 @@ class Instrument(Measurement):
     """Parameters on which the reading depends."""
     std: tuple[float, ...]
     """Standard uncertainty of the reading, SI."""
-    answer: "Answer"
+    answer: "Callable[[Instrument, Array, Rig], Array]"
     """Function of (self, Z, rig) that returns the (k, 9) derivatives of the whitened readings, 1/SI.
 
     The derivatives are those with respect to the nine parameters.
     """
-
-    def rows(self, Z: Array, rig: Rig) -> Array:
-        """Return the (k, 9) derivatives of the whitened readings with respect to Z, 1/SI."""
-        return self.answer(self, Z, rig)
-
-
-Answer = Callable[[Instrument, Array, Rig], Array]
 
 
 def _one_parameter(instrument: Instrument, Z: Array, rig: Rig) -> Array:
@@ -73,17 +67,7 @@ def _rod_alone(instrument: Instrument, Z: Array, rig: Rig) -> Array:
     return row / instrument.std[0]
 
 
-def _loaded_inner(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    return _loaded_release(instrument, Z, rig, "inner", rig.L1 / 2)
-
-
-def _loaded_outer(instrument: Instrument, Z: Array, rig: Rig) -> Array:
-    return _loaded_release(instrument, Z, rig, "outer", rig.L2 or 2 * Z[PARAMETERS.index("l2")])
-
-
-def _loaded_release(
-    instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"], position: float
-) -> Array:
+def _loaded_release(instrument: Instrument, Z: Array, rig: Rig, rod: Literal["inner", "outer"]) -> Array:
     """Return the derivative of the whitened readings of a release with a known attached mass.
 
     With this mass, the ratios determine the scale of all masses.
@@ -93,6 +77,7 @@ def _loaded_release(
     N N^T. Friction is assumed to be independent of the load.
     """
     L1, g = rig.L1, rig.g
+    position = L1 / 2 if rod == "inner" else rig.L2 or 2 * Z[PARAMETERS.index("l2")]
     mass, (mass_std, position_std) = Z[PARAMETERS.index("m2")] / 2, instrument.std
 
     def load(more_mass: float = 0.0, further: float = 0.0) -> Array:
@@ -142,12 +127,11 @@ def _swing(rod: int, part: str) -> Instrument:
     return Instrument(name, instruction, quantity, parameters, (BENCH.swings_m,), _rod_alone)
 
 
-def _add_mass(rod: str, place: str, answer: Answer) -> Instrument:
+def _add_mass(rod: Literal["inner", "outer"], place: str) -> Instrument:
     instruction = f"repeat the first pose's release with a weighed mass, about half of m2, fixed to {place}"
     quantity = BenchReading(f"added mass, fixed to {place}", "kg", "added mass")
-    return Instrument(
-        f"add mass to {rod} rod", instruction, quantity, PARAMETERS, (BENCH.scale_kg, BENCH.rule_m), answer
-    )
+    std, answer = (BENCH.scale_kg, BENCH.rule_m), partial(_loaded_release, rod=rod)
+    return Instrument(f"add mass to {rod} rod", instruction, quantity, PARAMETERS, std, answer)
 
 
 JOINT2_ENCODER = " without the joint-2 encoder"
@@ -161,8 +145,8 @@ INSTRUMENTS = (
     _balance("l2", "the outer rod"),
     _swing(1, "the inner rod"),
     _swing(2, "the outer rod"),
-    _add_mass("inner", "the middle of the inner rod", _loaded_inner),
-    _add_mass("outer", "the end of the outer rod", _loaded_outer),
+    _add_mass("inner", "the middle of the inner rod"),
+    _add_mass("outer", "the end of the outer rod"),
 )
 """Bench measurements of the rods that can be recommended."""
 
@@ -175,9 +159,9 @@ def rod_measurements(names: Sequence[str], Z: Array, rig: Rig) -> dict[Measureme
     """
     columns = [PARAMETERS.index(name) for name in names]
     return {
-        instrument if "mb" in names else _of_one_rod(instrument): (instrument.rows(Z, rig) * Z)[:, columns]
-        for instrument in INSTRUMENTS
-        if set(instrument.parameters) <= set(names) and not already_made(instrument, rig)
+        tool if "mb" in names else _of_one_rod(tool): (tool.answer(tool, Z, rig) * Z)[:, columns]
+        for tool in INSTRUMENTS
+        if set(tool.parameters) <= set(names) and not already_made(tool, rig)
     }
 
 

@@ -77,10 +77,10 @@ ZEROS = ZeroSettings()
 
 def readings(rig: Rig) -> tuple[Misreading, ...]:
     """List all other interpretations to be tested for the runs of a rig."""
-    of_encoders = (
-        replace(reading, read=_of_encoders(reading)) for reading in (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
-    )
-    return (*_OF_POINTS_TOO, *of_encoders, *_TIMES, *_TORQUES, _arm(rig))
+    of_encoders = (_AGAINST_ARM, _ONE_SIGN, *_ANGLES, *_scaled(rig))
+    # the angles of a video have a known sign and unit
+    not_of_films = (_only_if(reading, lambda run: run.film_noise is None) for reading in of_encoders)
+    return (*_OF_POINTS_TOO, *not_of_films, *_TIMES, *_TORQUES, _arm(rig))
 
 
 def arm_scales(runs: Sequence[Run], rig: Rig) -> Iterator[Misreading]:
@@ -151,8 +151,12 @@ def _of_two_rods(cause: str, angles: Angles) -> Misreading:
 
     The interpretation does not apply to a rod that is mounted alone.
     """
-    reading = _of_angles(cause, angles)
-    return replace(reading, read=lambda run: None if run.setup.alone else reading.read(run))
+    return _only_if(_of_angles(cause, angles), lambda run: not run.setup.alone)
+
+
+def _only_if(reading: Misreading, applies: Callable[[Run], bool]) -> Misreading:
+    """Restrict an interpretation to the runs to which it applies."""
+    return replace(reading, read=lambda run: reading.read(run) if applies(run) else None)
 
 
 _RELATIVE = (
@@ -248,7 +252,7 @@ def _scaled(rig: Rig) -> Iterator[Misreading]:
             if relative:
                 rod = f"theta{joint} is {factor:g} times the reading (--scale theta{joint}={factor:g} and --offset)"
                 of_rod = replace(_of_two_rods(rod, _times(s1, s2)), smaller=factor < 1)
-                yield replace(of_rod, read=_of_tables(of_rod))
+                yield _only_if(of_rod, lambda run: run.counts is None)
 
 
 def _times(s1: float, s2: float, relative: bool = False) -> Angles:
@@ -262,19 +266,6 @@ def _times(s1: float, s2: float, relative: bool = False) -> Angles:
         return np.pi + s1 * first, np.pi + s2 * second + relative * s1 * first
 
     return angles
-
-
-def _of_tables(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Restrict an interpretation to runs that contain angles but no counts."""
-    return lambda run: reading.read(run) if run.counts is None else None
-
-
-def _of_encoders(reading: Misreading) -> Callable[[Run], Run | None]:
-    """Restrict an interpretation to runs that are not from a video.
-
-    The angles of a video have a known sign and unit.
-    """
-    return lambda run: reading.read(run) if run.film_noise is None else None
 
 
 def _in_time(factor: float) -> Callable[[Run], Run | None]:
@@ -300,10 +291,8 @@ def _paced(factor: float) -> Misreading:
         words = _MANY[round(1 / factor)]
         film = ": is it a video in slow motion?" if factor < 0.5 else ""
         cause = f"the swing is {words} as fast as its time stamps (import with {words} the --rate-hz, or check t{film})"
-    paced = _in_time(factor)
-    return Misreading(
-        cause, lambda run: paced(run) if shows_a_period(run.swing.theta[:, 1:]) else None, time_factor=factor
-    )
+    paced = Misreading(cause, _in_time(factor), time_factor=factor)
+    return _only_if(paced, lambda run: shows_a_period(run.swing.theta[:, 1:]))
 
 
 _TIMES = (
