@@ -149,7 +149,6 @@ def test_a_ratio_does_not_depend_on_the_assumed_b() -> None:
     for b in (0.004, 0.005):
         assumed = Scale(b=b, interval90=(0.9 * b, 1.1 * b), fixed_by="bound")
         assert assumed.ratio(3.0 * b) == pytest.approx(3.0)
-        assert assumed.ratio90((2.0 * b, 4.0 * b)) == pytest.approx((2.0, 4.0))
         assert assumed.ratio(3.0 / b, power=-1) == pytest.approx(3.0)
 
 

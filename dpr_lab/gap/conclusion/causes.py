@@ -83,8 +83,8 @@ def _size(scale: Scale, effect: str, name: str, value: float, half_width: float)
     # a clamped elbow determines no ratios to b
     if power == 0 or scale.fixed_by == "data" or scale.sizes90:
         return size
-    ratios = {"ratio": scale.ratio(value, power), "ratio_interval90": scale.ratio90(interval, power)}
-    return size.model_copy(update=ratios | {"ratio_unit": parameter.ratio_unit})
+    ratio, *ends = (scale.ratio(x, power) for x in (value, *interval))
+    return size.model_copy(update={"ratio": ratio, "ratio_interval90": tuple(ends), "ratio_unit": parameter.ratio_unit})
 
 
 def rivals(posteriors: Sequence[EffectPosterior], closest: bool) -> list[RivalEffect]:

@@ -112,10 +112,6 @@ class Scale(ModelPart):
         """Divide a size by b^power, so that the result does not depend on the scale b."""
         return value / self.b**power
 
-    def ratio90(self, interval: Interval90, power: int = 1) -> Interval90:
-        """Convert the 90 % interval of a size to the interval of its ratio."""
-        return self.ratio(interval[0], power), self.ratio(interval[1], power)
-
     def factors90(self, power: int) -> tuple[float, float]:
         """Return the factors by which a size proportional to b^power changes at the ends of the interval of b.
 
