@@ -23,9 +23,9 @@ from dpr_lab.rig import Rig
 from dpr_lab.setup import only_inner
 
 LESS_NOISE = 0.8
-"""Maximum ratio of the new noise of measured torques to the previous one, if the new one is smaller and is to be used.
+"""Maximum ratio of a new estimate of the torque noise to the previous one for which the new estimate is used.
 
-Successive tested values of the noise have the ratio 0.71."""
+Neighbouring values that the estimate compares have the ratio 0.71."""
 
 
 def nominal_ratios(rig: Rig) -> Array:

@@ -39,9 +39,9 @@ class FoldSettings:
     quarters: int = 4
     """Number of folds into which a single recording is divided."""
     alone: float = 1e4
-    """Factor of the variance of a shape parameter without a run above which the parameter is also fitted to this run.
+    """Maximum factor by which the variance of a shape parameter may grow if a run is held out.
 
-    If the factor is larger, the parameter is also fitted to the held-out run.
+    A parameter whose variance grows more is also fitted to the held-out run.
     """
 
 

@@ -154,10 +154,9 @@ def _score(test: ScoreTest, effect: Effect, shape: Shape, columns: tuple[int, ..
 
 def _absorbing(test: ScoreTest, columns: tuple[int, ...], index: int) -> str:
     """Return the name of the parameter whose column is nearest to that of an absorbed amplitude."""
-    before = [*test.fitted_columns, *columns[:index]]
-    nearest = before[int(np.argmax(np.abs(test.space.H[before, columns[index]])))] if before else None
-    visible = nearest is not None and abs(test.space.H[nearest, columns[index]]) > 0.0
-    return test.free[nearest].name if visible and nearest is not None else "initial states"
+    overlaps = np.abs(test.space.H[columns[index]])
+    nearest = max((*test.fitted_columns, *columns[:index]), key=lambda i: overlaps[i], default=None)
+    return "initial states" if nearest is None or overlaps[nearest] == 0.0 else test.free[nearest].name
 
 
 def _bounded_solution(test: ScoreTest, columns: Sequence[int]) -> tuple[float, Array]:

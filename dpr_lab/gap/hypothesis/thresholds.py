@@ -33,7 +33,7 @@ class Thresholds:
     integrator: float = 5e-4
     """Uncertainty of the explained chi2 due to the integrator's steps, as a fraction."""
     integrator_at_floor: float = 5e-5
-    """Value of `integrator` for a set with which only noise remains, so that the steps must be small enough."""
+    """Value of `integrator` for a set that leaves only noise: its residual limits the error of the steps."""
 
     # factors of the excess
     excess_factor: float = 1.3
