@@ -58,8 +58,8 @@ def write_command_line(app: Sphinx) -> None:
     for name, command in group.commands.items():
         if command.hidden:
             continue
-        inner = getattr(command, "commands", {})
-        names += [[name, *rest] for rest in ([], *([sub] for sub in inner))]
+        inner = getattr(command, "commands", {}).items()
+        names += [[name], *([name, sub] for sub, part in inner if not (part.help or "").startswith("Alias of"))]
     parts = ["# Command line\n\nOutput of `--help` for each command.\n"]
     for words in names:
         title = " ".join(["dpr-lab", *words])
