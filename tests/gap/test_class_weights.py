@@ -206,15 +206,15 @@ def test_undetectably_richer_forms_are_members_and_others_that_add_nothing_are_f
     assert forms == (() if undetectable else ("stribeck_joint2",))
 
 
-def test_the_own_share_counts_unless_every_rig_has_a_member_of_the_class() -> None:
+def test_a_compensation_is_possible_unless_every_rig_has_a_member_of_the_class() -> None:
     selection: Any = Mock(
         chosen=Mock(at_noise_floor=False, residuals=Mock(noise_ratio=2.0)),
         share_explained=0.9,
-        own_shares={NAME: 0.01},
+        compensation_odds={NAME: 0.81},
     )
     selection.unique_share = lambda name: 0.5
     unexplained = (0.1 / 0.35) ** 4 * 2.0 + 0.25 * 0.1 / 0.5 * 2.0 / 8.0
-    odds = unexplained + (0.009 / 0.01) ** 2
+    odds = unexplained + 0.81
     assert outside(selection, NAME) == pytest.approx(odds / (1 + odds))
     assert outside(selection, NAME, members=["viscous_ground_link2"]) == pytest.approx(odds / (1 + odds))
     assert outside(selection, NAME, members=["encoder_offset_joint1"]) == pytest.approx(unexplained / (1 + unexplained))

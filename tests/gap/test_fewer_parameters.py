@@ -1,4 +1,4 @@
-"""Of two sets that explain about the same, the search prefers the one with fewer parameters."""
+"""Of two sets that explain about the same, the one with fewer parameters is preferred."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,9 +14,10 @@ from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.hypothesis.significance import explains_as_much
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which import replacements, select
+from dpr_lab.gap.which.compensations import _smallest_own_share, compensation_odds
 from dpr_lab.gap.which.fitted_sets import FittedSets
 from dpr_lab.gap.which.forms import own_share
-from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.removals import DROP, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import LARGER_PRIOR, SEVERAL_CAUSES
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal, SearchState, apply_move
@@ -60,16 +61,20 @@ def test_a_curve_that_follows_a_scale_error_does_not_displace_it(fitted: Callabl
     assert own < THRESHOLDS.own_share  # free functions in place of the cogging follow the scale error
     assert explains_as_much(fitted_sets.bare, scale, curve)
     assert not explains_as_much(fitted_sets.bare, curve, scale)
-    last = apply_move(OWN_SHARE, SearchState(both, fitted_sets, 4))
-    assert last.current.effects == (SCALE,)
+    assert odds_against(fitted_sets, both)[COGGING] > 1
+    assert odds_against(fitted_sets, both).get(SCALE, 0.0) < 0.3
 
 
 @pytest.mark.slow
 def test_a_real_curve_stays(fitted: Callable[..., FittedSets]) -> None:
     fitted_sets = fitted([law("detent", 0, 6.0), law("encoder_scale", 0, 0.5), law("wander", 0, 0.5)], (COGGING, SCALE))
     both = grown(fitted_sets, COGGING, SCALE)
-    last = apply_move(OWN_SHARE, SearchState(both, fitted_sets, 4))
-    assert COGGING in last.current.effects
+    assert odds_against(fitted_sets, both).get(COGGING, 0.0) < 0.1
+
+
+def odds_against(fitted_sets: FittedSets, model: Hypothesis) -> dict[str, float]:
+    """The odds that the effects of a set are compensations."""
+    return compensation_odds(fitted_sets, model, {name: fitted_sets.without(model, name) for name in model.effects})
 
 
 @pytest.mark.slow
@@ -93,13 +98,15 @@ def test_wrong_counts_per_turn_do_not_make_another_cause_look_negligible(fitted:
         assert apply_move(move, SearchState(both, fitted_sets, 4)).current.effects == (SCALE, FRICTION)
 
 
-def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis) -> list[frozenset[str]]:
-    """The sets that the move "own share" proposes, if the own share of every effect is small."""
-    monkeypatch.setattr("dpr_lab.gap.which.removals.own_share", lambda *_: 0.03)
-    monkeypatch.setattr("dpr_lab.gap.which.removals.explains_as_much", lambda *_: False)
+def set_without_compensation(
+    monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *others: Hypothesis
+) -> frozenset[str] | None:
+    """The set without the first compensation, if the own share of every effect is small; None without one."""
+    monkeypatch.setattr("dpr_lab.gap.which.compensations.own_share", lambda *_: 0.03)
+    monkeypatch.setattr("dpr_lab.gap.which.compensations.explains_as_much", lambda *_: False)
     bare = stated(5.5e6, 3)
     fits = {model.key: model for model in (bare, chosen, *others)}
-    fitted = {key: model for key, model in fits.items() if not key < chosen.key}  # the move fits the smaller sets
+    fitted = {key: model for key, model in fits.items() if not key < chosen.key}  # the smaller sets are fitted later
     fitted_sets = SimpleNamespace(fits=fitted, bare=bare, library=EFFECTS, problem=None, test=lambda model: None)
 
     def without(model: Hypothesis, name: str) -> Hypothesis:
@@ -108,7 +115,8 @@ def proposed_removals(monkeypatch: pytest.MonkeyPatch, chosen: Hypothesis, *othe
 
     fitted_sets.unexpected, fitted_sets.as_possible = lambda model: list(model.effects), lambda model, other: True
     fitted_sets.possible, fitted_sets.without = lambda model: True, without
-    return [proposal.model.key for proposal in OWN_SHARE.propose(cast(Any, fitted_sets), chosen)]
+    smallest = _smallest_own_share(cast(Any, fitted_sets), chosen)
+    return None if smallest is None else smallest[0].key
 
 
 def stated(chi2: float, parameters: int, *effects: str) -> Hypothesis:
@@ -118,29 +126,29 @@ def stated(chi2: float, parameters: int, *effects: str) -> Hypothesis:
     return Hypothesis(effects, cast(Any, fit), residuals, chi2, {})
 
 
-def test_an_effect_stays_if_a_richer_form_that_explains_less_would_take_its_place(
+def test_an_effect_is_no_compensation_if_a_richer_form_that_explains_less_would_replace_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     drift, richer = "encoder_drift_joint1", "friction_curve_joint1"
     fitted_sets = stated(1.33e5, 6, FRICTION, drift), stated(1.4e6, 5, drift), stated(6.7e5, 4, FRICTION)
-    assert proposed_removals(monkeypatch, *fitted_sets) == [frozenset({drift})]
-    assert proposed_removals(monkeypatch, *fitted_sets, stated(1.42e5, 13, richer)) == []
-    assert proposed_removals(monkeypatch, *fitted_sets, stated(6e4, 13, richer)) == [frozenset({drift})]
+    assert set_without_compensation(monkeypatch, *fitted_sets) == frozenset({drift})
+    assert set_without_compensation(monkeypatch, *fitted_sets, stated(1.42e5, 13, richer)) is None
+    assert set_without_compensation(monkeypatch, *fitted_sets, stated(6e4, 13, richer)) == frozenset({drift})
 
 
-def test_no_effect_is_removed_if_any_removal_leads_to_a_curve_that_explains_less(
+def test_no_effect_is_a_compensation_if_a_curve_that_explains_less_would_replace_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scale, offset, curve = "encoder_scale_joint2", "encoder_offset_joint1", "encoder_eccentricity_joint1"
     all_three = stated(4200.0, 6, scale, offset, SCALE)
     smaller = stated(4.2e4, 5, offset, SCALE), stated(4.1e4, 5, scale, offset), stated(4e4, 5, scale, SCALE)
-    assert proposed_removals(monkeypatch, all_three, *smaller) == [smaller[0].key]
+    assert set_without_compensation(monkeypatch, all_three, *smaller) == smaller[0].key
     returned = stated(1e4, 9, scale, curve)
-    assert proposed_removals(monkeypatch, all_three, *smaller, returned) == []
-    last = stated(9e3, 5, scale, offset)  # if the set that is fitted last is better, no removal leads to the curve
-    assert proposed_removals(monkeypatch, all_three, smaller[0], last, returned) == [smaller[0].key]
+    assert set_without_compensation(monkeypatch, all_three, *smaller, returned) is None
+    last = stated(9e3, 5, scale, offset)  # the set that is fitted last is better than the curve
+    assert set_without_compensation(monkeypatch, all_three, smaller[0], last, returned) == smaller[0].key
     fewer = stated(1e4, 5, scale, curve)
-    assert proposed_removals(monkeypatch, all_three, *smaller, fewer) == [smaller[0].key]
+    assert set_without_compensation(monkeypatch, all_three, *smaller, fewer) == smaller[0].key
 
 
 def sets_of(*models: Hypothesis, impossible: frozenset[str] = frozenset()) -> Any:

@@ -56,7 +56,7 @@ def searched(problem: Problem, initial: Array, ratios: Array) -> Selection:
         without={FRICTION: bare},
         without_substitute={FRICTION: bare},
         tests_without={},
-        own_shares={},
+        compensation_odds={},
         path=((FRICTION, chosen),),
     )
 

@@ -104,7 +104,7 @@ def test_an_effect_that_every_rig_has_compensates_for_nothing(
     problem, base = bare(runs)
     name = "coulomb_joint2"
     fitted_sets = FittedSets(screened(runs), problem, {name: EFFECTS[name]}, base)
-    result = replace(refined(forward(fitted_sets)), own_shares={name: 0.001})
+    result = replace(refined(forward(fitted_sets)), compensation_odds={name: 0.81})
     assert outside(result, name) > 0.4
     assert outside(result, name, members=("encoder_offset_joint2",)) == CALIBRATION.outside_when_closed
 
@@ -159,7 +159,7 @@ def test_an_effect_that_the_fit_without_it_cannot_show_has_no_alternatives() -> 
         without={name: None},
         tests_without={name: ScoreTest(*[cast(Any, None)] * 5)},
         without_substitute={name: Mock(cost_at=lambda _: 1000.0)},
-        own_shares={},
+        compensation_odds={},
         share_explained=1.0,
     )
     selection.unique_share.return_value = 1.0

@@ -33,6 +33,7 @@ def test_an_effect_no_larger_than_what_remains_far_above_the_noise_is_less_sure_
 
 def test_a_small_effect_that_another_form_of_a_large_one_explains_as_well_is_unsure():
     """A spring with slack was named as a spring, cogging of 0.1 % and an offset of the centre of mass of 0.4 %."""
-    compensating, other = (odds_outside(1e-4, 0.0, unique=0.004, own_share=own) for own in (0.001, 0.5))
+    odds = [CALIBRATION.odds_of_compensation(own) for own in (0.001, 0.5)]
+    compensating, other = (odds_outside(1e-4, 0.0, unique=0.004, compensation=c) for c in odds)
     assert 1 / (1 + compensating) < 0.6
     assert 1 / (1 + other) > 0.95

@@ -284,10 +284,10 @@ def outside(selection: Selection, name: str = "", *, members: Iterable[str] = ()
     """
     remainder = 0.0 if selection.chosen.at_noise_floor else selection.chosen.residuals.noise_ratio
     unexplained = max(1 - selection.share_explained, CALIBRATION.least_left)
-    unique, own_share = (selection.unique_share(name), selection.own_shares.get(name, 1.0)) if name else (math.inf, 1.0)
-    if any(EFFECTS[member].universal for member in members):
-        own_share = 1.0
-    return probability_outside(odds_outside(unexplained, remainder, unique, own_share))
+    unique = selection.unique_share(name) if name else math.inf
+    compensates = not any(EFFECTS[member].universal for member in members)
+    compensation = selection.compensation_odds.get(name, 0.0) if compensates else 0.0
+    return probability_outside(odds_outside(unexplained, remainder, unique, compensation))
 
 
 def probabilities(selection: Selection, posteriors: tuple[EffectPosterior, ...], kind: str) -> Mapping[str, float]:

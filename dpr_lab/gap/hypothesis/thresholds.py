@@ -70,10 +70,7 @@ class Thresholds:
     """Minimum additional chi2 that a richer form explains while a residual remains, as a fraction of the explained
     chi2."""
     own_share: float = 0.15
-    """Minimum fraction of an effect's reduction of chi2 that no other form of the remaining effects explains.
-
-    The limit applies while a residual remains.
-    """
+    """Own share below which an effect may be a compensation, while a residual remains."""
     curve_growth: float = 2.0
     """Minimum growth factor of the amplitudes of a curve that replaces a removed effect."""
     likelier: float = 5.0

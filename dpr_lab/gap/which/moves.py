@@ -7,7 +7,7 @@ from dpr_lab.fitting.gauss_newton import fit
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, free_parameters, hypothesis
 from dpr_lab.gap.which.effort import EFFORT
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.removals import DROP, OWN_SHARE, SMALLEST_ADEQUATE
+from dpr_lab.gap.which.removals import DROP, SMALLEST_ADEQUATE
 from dpr_lab.gap.which.replacements import BETTER_ALTERNATIVE, LARGER_PRIOR, SEVERAL_CAUSES, SIMPLER_FORM
 from dpr_lab.gap.which.restarts import escaped
 from dpr_lab.gap.which.search import Decision, Move, Proposal
@@ -54,7 +54,7 @@ def _fitted_to_the_end(fitted_sets: FittedSets, current: Hypothesis, proposal: P
 
 CONVERGE = Move("converge", "the fit is continued to its minimum", _converged, _fitted_to_the_end)
 
-REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, OWN_SHARE, CONVERGE)
+REFINE = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM, SEVERAL_CAUSES, DROP, CONVERGE)
 """Moves after forward selection, in order; DROP occurs twice, because a replacement can make another effect
 unnecessary.
 
@@ -64,5 +64,5 @@ The last move of the search is `removals.HELD_OUT`, which `select` applies after
 SHORT = (SMALLEST_ADEQUATE, DROP, SIMPLER_FORM)
 """Moves after forward selection in short segments, in order."""
 
-REVISIONS = ((BETTER_ALTERNATIVE, (DROP, OWN_SHARE, CONVERGE)), (LARGER_PRIOR, (CONVERGE,)))
+REVISIONS = ((BETTER_ALTERNATIVE, (DROP, CONVERGE)), (LARGER_PRIOR, (CONVERGE,)))
 """Revisions of the selected set, each with the moves that follow it if it changes the set."""

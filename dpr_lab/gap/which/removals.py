@@ -1,22 +1,17 @@
-"""Moves that remove effects: unnecessary ones, compensations, and those that worsen held-out predictions."""
+"""Moves that remove effects: unnecessary ones, and those that worsen held-out predictions."""
 
 from collections.abc import Iterator
-
-import numpy as np
 
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.significance import (
     accepted,
     evidence_ratio,
-    explains_as_much,
     segment_scatter,
     significance,
 )
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.search import Decision, Move, Proposal
-from dpr_lab.shown import percent
 
 
 def _smaller_adequate(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
@@ -92,83 +87,6 @@ DROP = Move(
     "backward elimination: an effect is removed if the excess chi-square hardly increases without it",
     _without_least_needed,
     _not_needed,
-    then="repeat",
-)
-
-
-def _without_least_own(fitted_sets: FittedSets, current: Hypothesis) -> Iterator[Proposal]:
-    """Propose the set without the effect that has the smallest own share, while a residual remains.
-
-    The own share is defined in `forms.own_share`. It is small even for a true cause if a free function in the set
-    imitates this cause. Therefore, if a set without another effect has fewer parameters and explains as much, this set
-    is proposed first.
-    """
-    if current.at_noise_floor or len(current.effects) < 2:
-        return
-    smaller_sets = _without_possible_compensations(fitted_sets, current)
-    shares = {
-        name: own_share(fitted_sets.problem, smaller, fitted_sets.test(smaller), name)
-        for name, smaller in smaller_sets.items()
-    }
-    proposals = [Proposal(smaller_sets[name], share) for name, share in shares.items() if share is not None]
-    if not proposals:
-        return
-    least = min(proposals, key=lambda proposal: proposal.value)
-    simpler = [other for other in smaller_sets.values() if explains_as_much(fitted_sets.bare, other, least.model)]
-    if simpler and least.value < THRESHOLDS.own_share:
-        yield Proposal(min(simpler, key=lambda model: (len(model.fit.free), model.cost)))
-    yield least
-
-
-def _without_possible_compensations(fitted_sets: FittedSets, current: Hypothesis) -> dict[str, Hypothesis]:
-    """Return the set without each effect that may only compensate for the inexact form of another effect.
-
-    Effects that every rig has, and effects without which the excess is far above that of the best fitted set, are not
-    included. The result is empty if the search would replace a removed effect by a curve that explains less.
-    """
-    closest = min(model.bounded_excess for model in fitted_sets.fits.values())
-    limit = min(THRESHOLDS.necessary_factor_if_small * closest, THRESHOLDS.open_share * fitted_sets.bare.bounded_excess)
-    removable = (name for name in fitted_sets.unexpected(current) if not fitted_sets.library[name].universal)
-    smaller_sets = {
-        name: fitted_sets.without(current, name) for name in removable
-    }  # also fitted for the following test
-    if _removal_leads_to_curve(fitted_sets, current):
-        return {}
-    return {
-        name: smaller
-        for name, smaller in smaller_sets.items()
-        if smaller.bounded_excess <= limit and fitted_sets.as_possible(smaller, current)
-    }
-
-
-def _removal_leads_to_curve(fitted_sets: FittedSets, current: Hypothesis) -> bool:
-    """Return whether the set with the lowest cost among those of fewer effects contains a curve.
-
-    A curve is recognised by more parameters at a higher cost than the current set. After a removal, the search would
-    choose this set. All sets without one effect must be fitted first.
-    """
-    others = (
-        model
-        for model in fitted_sets.fits.values()
-        if len(model.effects) < len(current.effects) and fitted_sets.possible(model)
-    )
-    best = min(others, key=lambda model: model.cost, default=current)
-    return best.cost > current.cost and len(best.fit.free) > len(current.fit.free)
-
-
-def _compensates_for_another_form(fitted_sets: FittedSets, current: Hypothesis, proposal: Proposal) -> Decision:
-    if np.isnan(proposal.value):
-        return Decision(True, "of two effects that explain the same part, the one with fewer amplitudes is kept")
-    share = f"{percent(proposal.value)} of its reduction cannot be explained by other forms of the remaining effects"
-    return Decision(proposal.value < THRESHOLDS.own_share, share)
-
-
-OWN_SHARE = Move(
-    "own share",
-    "while the residual exceeds the noise, an effect is removed if other functional forms of the remaining"
-    " effects explain the same residual; of two such effects the one with fewer amplitudes is kept",
-    _without_least_own,
-    _compensates_for_another_form,
     then="repeat",
 )
 

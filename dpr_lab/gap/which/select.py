@@ -4,7 +4,7 @@ Forward selection is greedy. Therefore two sets are extended in parallel, and fu
 effects (`dpr_lab.gap.which.moves`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from dpr_lab.fitting.problem import Problem
 from dpr_lab.gap.hypothesis.detectable import detectable
@@ -12,8 +12,8 @@ from dpr_lab.gap.hypothesis.hypothesis import Hypothesis, refutes_torque_noise
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.hypothesis.significance import cost_with_prior, explains_as_much, indifference
 from dpr_lab.gap.hypothesis.thresholds import THRESHOLDS
+from dpr_lab.gap.which.compensations import compensation_odds
 from dpr_lab.gap.which.fitted_sets import FittedSets
-from dpr_lab.gap.which.forms import own_share
 from dpr_lab.gap.which.forward import forward_selection
 from dpr_lab.gap.which.moves import CONVERGE, REFINE, REVISIONS, SHORT, START
 from dpr_lab.gap.which.removals import HELD_OUT
@@ -158,7 +158,7 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
         without=without,
         without_substitute={name: fitted_sets.without_substitute(chosen, name) for name in chosen.effects},
         tests_without={name: fitted_sets.test(smaller) for name, smaller in without.items()},
-        own_shares=_own_shares(fitted_sets, chosen, without),
+        compensation_odds=compensation_odds(fitted_sets, chosen, without),
         path=_path(fitted_sets, chosen),
         expected=fitted_sets.expected,
         impossible=frozenset(key for key, model in fits.items() if not fitted_sets.possible(model)),
@@ -166,18 +166,6 @@ def _selection(state: SearchState, misleading: tuple[str, ...]) -> Selection:
         misleading=misleading,
         trace=state.trace,
     )
-
-
-def _own_shares(fitted_sets: FittedSets, chosen: Hypothesis, without: Mapping[str, Hypothesis]) -> dict[str, float]:
-    """Return the own shares of secondary effects by name, without a single effect and effects that every rig has."""
-    limit = chosen.bounded_excess + THRESHOLDS.secondary * fitted_sets.bare.residuals.excess
-    shares: dict[str, float] = {}
-    for name, smaller in without.items():
-        is_secondary = fitted_sets.without_substitute(chosen, name).residuals.excess < limit
-        if smaller.effects and is_secondary and not fitted_sets.library[name].universal:
-            share = own_share(fitted_sets.problem, smaller, fitted_sets.test(smaller), name)
-            shares |= {} if share is None else {name: share}
-    return shares
 
 
 def _path(fitted_sets: FittedSets, chosen: Hypothesis) -> tuple[tuple[str, Hypothesis], ...]:

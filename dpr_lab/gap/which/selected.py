@@ -35,12 +35,10 @@ class Selection:
     """
     tests_without: Mapping[str, ScoreTest]
     """Score tests of the sets without one effect of the selected set, by the removed effect."""
-    own_shares: Mapping[str, float]
-    """Own share, 0 to 1, of each secondary effect that not every rig has.
+    compensation_odds: Mapping[str, float]
+    """Odds that an effect only compensates for the inexact form of another effect, by its name.
 
-    The own share is the part of the reduction by an effect that no other functional form of the other effects explains
-    (`dpr_lab.gap.which.forms.own_share`). An effect is secondary if it explains less than the share
-    `THRESHOLDS.secondary` of the gap.
+    Effects that are certainly no compensations are not included (`dpr_lab.gap.which.compensations`).
     """
     path: tuple[tuple[str, Hypothesis], ...]
     """Sets of increasing size up to the selected set, each with the name of the effect that it adds, most necessary
