@@ -22,7 +22,7 @@ from sim_device.plant.operator import HABITS
 from sim_device.plant.rods import SimulatedRods
 
 DOC = Path(__file__).parents[2] / "docs" / "reliability.md"
-HEAD = "| fault | link | message to the operator | exit code | surviving data |"
+HEAD = "| message to the operator | faults (links) | exit code | surviving data |"
 WRITE = "DPR_LAB_WRITE_DOCS"
 SEED = 5
 
@@ -113,28 +113,55 @@ def wrong_samples(truth: Truth) -> Callable[..., int]:
 
 
 class Matrix:
-    """Table of faults in the documentation. Each test compares its row, or writes it."""
+    """Table of messages in the documentation. Each test compares the row of its message, or writes it."""
 
     def __init__(self) -> None:
         self.write = os.environ.get(WRITE) == "1"
-        self.rows = [line for line in DOC.read_text(encoding="utf-8").splitlines() if line.startswith("| ")]
-        self.seen: dict[str, str] = {}
+        self.results = _documented(_table(DOC.read_text(encoding="utf-8")))
+        """Message, exit code and surviving data for each fault and link."""
 
     def show(self, fault: str, link: str, message: str, code: int, survives: str) -> None:
-        row = f"| {fault} | {link} | {_plain(message)} | {code} | {survives} |"
-        self.seen[f"| {fault} | {link} |"] = row
-        if not self.write:
-            assert row in self.rows, f"not in {DOC.name}: run the tests once with {WRITE}=1 and read what changed"
+        result = (_plain(message), str(code), survives)
+        if self.write:
+            self.results[fault, link] = result
+        documented = self.results.get((fault, link))
+        assert documented == result, f"not in {DOC.name}: run the tests once with {WRITE}=1 and read what changed"
 
     def close(self) -> None:
         if not self.write:
             return
         text = DOC.read_text(encoding="utf-8")
-        start = text.index(HEAD)
-        end = text.index("\n\n", start)
-        header, rule, *rows = text[start:end].splitlines()
-        known = {"|".join(row.split("|")[:3]) + "|": row for row in rows} | self.seen
-        DOC.write_text(text[:start] + "\n".join([header, rule, *known.values()]) + text[end:], encoding="utf-8")
+        former = _table(text)
+        rows = "\n".join([*former.splitlines()[:2], *_rows(self.results)])
+        DOC.write_text(text.replace(former, rows), encoding="utf-8")
+
+
+def _table(text: str) -> str:
+    """Lines of the table in a page, with its two header lines."""
+    return text[text.index(HEAD) :].split("\n\n")[0]
+
+
+def _documented(table: str) -> dict[tuple[str, str], tuple[str, str, str]]:
+    """Message, exit code and surviving data for each fault and link in the table."""
+    results = dict[tuple[str, str], tuple[str, str, str]]()
+    for row in table.splitlines()[2:]:
+        message, faults, code, survives = row.removeprefix("| ").removesuffix(" |").split(" | ")
+        for fault in faults.split("; "):
+            name, links = fault.removesuffix(")").rsplit(" (", 1)
+            results |= {(name, link): (message, code, survives) for link in links.split(" / ")}
+    return results
+
+
+def _rows(results: dict[tuple[str, str], tuple[str, str, str]]) -> list[str]:
+    """One row for each result, with all faults and links that lead to it."""
+    causes = dict[tuple[str, str, str], dict[str, list[str]]]()
+    for (fault, link), result in results.items():
+        causes.setdefault(result, {}).setdefault(fault, []).append(link)
+    rows = list[str]()
+    for (message, code, survives), faults in causes.items():
+        cell = "; ".join(f"{fault} ({' / '.join(links)})" for fault, links in faults.items())
+        rows.append(f"| {message} | {cell} | {code} | {survives} |")
+    return rows
 
 
 def _plain(message: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from dpr_lab.storage.inspect import info, recover, verify
 
-SERIAL, CAN, BUS = "serial", "CAN", "CAN, virtual"
+SERIAL, CAN, BUS = "serial", "CAN", "virtual CAN"
 LINKS = {SERIAL: "pty", CAN: "slcan", BUS: "virtual:faults"}
 BOTH = (SERIAL, CAN)
 SHORT = ("--duration", "1")

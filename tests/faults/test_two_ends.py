@@ -43,7 +43,7 @@ def test_a_device_is_found_on_another_channel_of_a_backend(serve, operate, wrong
         result = operate(f"{link}?uid={UID:x}", "--duration", "1", out=tmp_path / str(release))
         assert result.code == 0, result.message
         assert wrong_samples(result.runs[0], release=release) == 0
-    matrix.show("on another channel, link with `uid=`", "CAN, virtual", result.message, result.code, "every sample")
+    matrix.show("on another channel, link with `uid=`", "virtual CAN", result.message, result.code, "every sample")
     lost = operate(f"can://virtual/uid-here?uid={UID:x}")
     assert lost.code == 4
     assert "searched uid-here (device 0000beef00000041)" in lost.message
@@ -78,4 +78,4 @@ def test_two_devices_under_one_node(serve, operate, matrix) -> None:
     serve(link="virtual:two", uid=1)
     done = operate(serve(link="virtual:two", uid=2))
     assert (done.code, done.runs) == (4, [])
-    matrix.show("two devices on one bus", "CAN, virtual", done.message, done.code, "no RELEASE sent, no file created")
+    matrix.show("two devices on one bus", "virtual CAN", done.message, done.code, "no RELEASE sent, no file created")
