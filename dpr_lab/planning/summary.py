@@ -389,6 +389,6 @@ def only_ratios_sentence(reasons: Sequence[str], undecided: bool) -> str:
     in_a_row = len(numbers) > 2 and int(numbers[-1]) - int(numbers[0]) == len(numbers) - 1
     which = f" Release{'s' * several} {f'{numbers[0]} to {numbers[-1]}' if in_a_row else listed(numbers)}"
     if undecided and "1" not in numbers:
-        need = "are" if several else "is"
-        return f"{which} {need} necessary only if the causes are then still undecided."
+        need, earlier = ("are", "them") if several else ("is", "it")
+        return f"{which} {need} necessary only if causes are still undecided before {earlier}."
     return f"{which} only improve{'' if several else 's'} the accuracy of the ratios."

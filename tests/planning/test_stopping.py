@@ -299,7 +299,7 @@ def test_a_plan_forecasts_a_decision_up_to_causes_that_no_release_separates(pape
 @pytest.mark.parametrize(
     ("only_ratios", "undecided", "words"),
     [
-        ((False, True, True), True, "Releases 2 and 3 are necessary only if the causes are then still undecided."),
+        ((False, True, True), True, "Releases 2 and 3 are necessary only if causes are still undecided before them."),
         ((False, False, True), False, "Release 3 only improves the accuracy of the ratios."),
         ((False, True, True, True), False, "Releases 2 to 4 only improve the accuracy of the ratios."),
         ((True, False, True, True), False, "Releases 1, 3 and 4 only improve the accuracy of the ratios."),
