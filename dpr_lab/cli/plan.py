@@ -1,5 +1,6 @@
 """`dpr-lab plan`: the next recordings, and when to stop."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -176,12 +177,18 @@ def commands(made: "Plan") -> list[str]:
 
 
 def _show_detectable(made: "Plan", most: int = 6) -> None:
-    """Print the `most` amplitudes with the largest minimum detectable size relative to their typical size."""
+    """Print the effects that the first line names, then the amplitudes that are hardest to detect.
+
+    The latter are the `most` with the largest minimum detectable size relative to their typical size.
+    """
     from dpr_lab.report.words import named, parameter_words
 
     worst = sorted(
         made.detectable, key=lambda effect: -(float("inf") if effect.after is None else effect.after / effect.typical)
     )
+    words = set(re.findall(r"\w+", made.sentence))
+    asked = [effect for effect in worst if effect.effect in words]
+    listed = [*asked, *[effect for effect in worst if effect.effect not in words][:most]]
     rows = [
         (
             named(effect.effect),
@@ -189,11 +196,12 @@ def _show_detectable(made: "Plan", most: int = 6) -> None:
             _size(effect, effect.before),
             _size(effect, effect.after),
         )
-        for effect in worst[:most]
+        for effect in listed
     ]
+    first = "the effects of the first line, then " if asked else ""
     note = (
-        f"The table lists those of the {len(made.detectable)} amplitudes that are hardest to detect. Sizes hold for the"
-        f" assumed scale of inertias and torques, as in a diagnosis. {NOT_SEEN}"
+        f"The table lists {first}those of the {len(made.detectable)} amplitudes that are hardest to detect. Sizes hold"
+        f" for the assumed scale of inertias and torques, as in a diagnosis. {NOT_SEEN}"
     )
     table("Minimum detectable size", ("effect", "amplitude", "now", "after the plan"), rows, note=note)
 

@@ -10,7 +10,7 @@ from dpr_lab.cli.plan import commands, show
 from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.subject import refuse_other_subject
-from dpr_lab.planning.result import Inseparable, PairBits, Plan, PlannedRelease
+from dpr_lab.planning.result import Detectable, Inseparable, PairBits, Plan, PlannedRelease
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import AddedMass
 from dpr_lab.run import Run
@@ -183,6 +183,36 @@ def test_a_plan_that_asks_for_a_bench_check_states_it_once_and_no_bits_about_its
     assert shown.count("Turn the rod.") == 1
     assert "0.31" in shown
     assert "0.07" not in shown
+
+
+def test_the_effects_of_the_first_line_lead_the_table_of_detectable_sizes(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dpr_lab.cli.plan.report_table", lambda *_: None)
+    monkeypatch.setattr("dpr_lab.report.tables.ratio_std_table", lambda *_: None)
+    joints = [f"{name}_joint{k}" for name in ("coulomb", "stribeck", "hysteresis", "torque_offset") for k in (1, 2)]
+    sizes = [
+        Detectable(effect=name, parameter="torque", unit="N m", before=None, after=1e-3, typical=1e-3)
+        for name in joints
+    ]
+    small = Detectable(effect="base_tilt", parameter="tilt", unit="rad", before=1e-3, after=1e-6, typical=1e-2)
+    show(
+        Plan.model_construct(
+            state="enough",
+            sentence="Enough. Not excluded at the minimum detectable size: base_tilt. Optional: record release 1.",
+            releases=[planned_release()],
+            forecast=[],
+            limits=[],
+            inseparable=[],
+            detectable=[*sizes, small],
+            minutes=1.0,
+        )
+    )
+    shown = capsys.readouterr().out.split("Minimum detectable size")[1]
+    assert shown.index("[base_tilt]") < shown.index("[coulomb_joint1]")
+    assert "the effects of the first line, then those of the 9 amplitudes" in " ".join(shown.split())
+    assert "[hysteresis_joint2]" in shown
+    assert "[torque_offset_joint1]" not in shown
 
 
 @pytest.mark.slow
