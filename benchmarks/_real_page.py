@@ -184,9 +184,9 @@ This page lists 27 diagnoses of recordings that other laboratories published. Yo
   single recording is divided: every second part is held out. Of a short recording, each quarter is predicted from the
   other quarters.
 - *Reproducible gap.* This is the part of the gap that free-form corrections of torques and readings remove
-  ([Reading the report](reading-the-report.md)). It is computed on the fitted recordings. A remainder is left even if
-  100 % of it are explained.
-- *Remainder.* A remainder above the noise has a further cause, or a named effect has another form.
+  ([Reading the report](reading-the-report.md)). It is computed on the fitted recordings. Even if the
+  explained share is 100 %, a remainder is left that differs from recording to recording.
+- *Remainder.* If it exceeds the noise, a further cause acts, or a named effect has another form.
 - *Withdrawn* effects explain the fitted recordings but do not carry over to the held-out recording. For withdrawn and
   small effects, the number of indistinguishable effects is not stated.
 - *Size.* If an effect has more than two parameters, their number is stated. b and a are the inertias of the outer and
