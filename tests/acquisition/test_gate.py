@@ -227,6 +227,14 @@ def test_each_check_fails_on_its_own_fault(name: str, good: Run, rig: Rig) -> No
     assert verdict.to_json()["ok"] is False
 
 
+def test_an_interruption_is_measured_in_missing_samples(good: Run, rig: Rig) -> None:
+    keep = np.ones(len(good.t), dtype=bool)
+    keep[3000:3003] = False
+    broken = _run(rig, good.t[keep], good.counts[keep])
+    (measured,) = (check.measured for check in judged(broken, rig).checks if check.name == "gap")
+    assert measured == 3
+
+
 def test_a_contradicted_position_makes_angles_wrong_and_loses_no_samples(good: Run, rig: Rig) -> None:
     verdict = judged(_contradicted(good, rig), rig)
     assert "complete counts contradict the samples (number 1, limit 0)" in verdict.sentence

@@ -25,3 +25,16 @@ def test_an_answer_after_the_stop_does_not_belong_to_the_stream() -> None:
     fit, _ = clock.fit(1000.0)
     assert fit is not None
     assert fit.rate_ppm == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_new_stream_discards_the_exchanges_of_the_previous_one() -> None:
+    """The ticks of both begin at zero, so one line cannot describe them."""
+    clock = PingClock(DEVICE_TIMING, 0.0)
+    for begin in (0.0, 20.0):
+        clock.restart(begin)
+        for second in range(1, 11):
+            ask(clock, begin + second, 1000 * second)
+    fit, _ = clock.fit(1000.0)
+    assert fit is not None
+    assert fit.rate_ppm == pytest.approx(0.0, abs=1.0)
+    assert fit.offset == pytest.approx(20.0, abs=1e-3)

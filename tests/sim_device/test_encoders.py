@@ -9,6 +9,7 @@ from dpr_lab.rig_tables import Pose
 from sim_device.plant.config import OperatorConfig
 from sim_device.plant.encoders import BLOCK, NoisyEncoders, standard_noise
 from sim_device.plant.operator import HeldRods, placement, release_speed
+from sim_device.plant.sampling_faults import between_ticks
 from sim_device.random_streams import RandomStream
 
 N = 200_000
@@ -48,6 +49,24 @@ def test_counts_scatter_as_noise_and_rounding_make_them(paper, noise_counts):
     expected = 0.0 if noise_counts == 0 else np.sqrt(noise_counts**2 + 1 / 12)
     assert counts.std(axis=0) == pytest.approx(expected, rel=0.02)
     assert np.abs(counts.mean(axis=0) - exact).max() < (0.5 if noise_counts == 0 else 0.02)
+
+
+@pytest.mark.parametrize("step", [4, 16])
+def test_the_noise_of_a_coarse_counter_is_in_counts_too(paper, step):
+    theta = np.linspace([0.1, 2.0, 2.5], [0.4, 3.0, 2.9], 20_000)
+    counts = NoisyEncoders(paper, 8.0, 1, step).read(theta, RandomStream.REST, 1, 0)
+    assert (counts % step == 0).all()
+    expected = np.sqrt(8.0**2 + step**2 / 12)
+    assert (counts - paper.positions(theta)).std(axis=0) == pytest.approx(expected, rel=0.03)
+
+
+def test_angles_between_ticks_are_those_of_a_parabola():
+    def angles(t):
+        return np.stack([0.1 + t, 2.0 - 3 * t + 0.5 * t**2, 0.2 * t**2], axis=1)
+
+    later = np.array([0.0, 0.25, 0.5, 1.75, -0.5])
+    exact = angles(np.arange(5) + later)
+    assert between_ticks(angles(np.arange(-1.0, 7.0)), later) == pytest.approx(exact, abs=1e-12)
 
 
 def test_joint_2_is_read_against_the_inner_rod_over_many_turns(paper):

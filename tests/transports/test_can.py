@@ -12,6 +12,7 @@ import pytest
 
 from dpr_lab.errors import DeviceLost, LinkError, LinkUrlError
 from dpr_lab.transports import can_bus, open_transport
+from dpr_lab.transports.slcan import SlcanDecoder
 from firmware_protocol.framing import FrameDecoder
 from firmware_protocol.messages import Frame
 
@@ -92,6 +93,14 @@ def test_a_read_of_a_busy_bus_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     messages = chain([message] * 100, repeat(None))
     busy: Any = SimpleNamespace(recv=lambda _: next(messages))
     assert 18 <= len(can_bus.CanBus("can://virtual/busy", busy, ()).receive(1.0).frames) <= 21
+
+
+def test_an_slcan_line_with_more_data_than_it_states_is_damaged() -> None:
+    decoder = SlcanDecoder()
+    assert decoder.feed(b"t12311122\rt1231") == []
+    assert decoder.errors == 1
+    assert decoder.feed(b"11\r") == [Frame(0x123, b"\x11")]
+    assert decoder.errors == 1
 
 
 def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter: tuple[int, str]) -> None:
