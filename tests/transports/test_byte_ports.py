@@ -63,6 +63,13 @@ def test_serial_carries_frames_both_ways(terminal: tuple[int, str]) -> None:
     link.close()
 
 
+def test_a_byte_of_a_serial_line_has_start_and_stop_bits(terminal: tuple[int, str]) -> None:
+    link = open_transport(f"serial://{terminal[1]}?baud=115200")
+    sample = encode_frame(Frame(66, bytes(8)))
+    assert [capacity.max_rate_hz for capacity in link.capacities] == [int(0.8 * 115_200 / (10 * len(sample)))]
+    link.close()
+
+
 def test_serial_timeout_returns_nothing_after_about_the_requested_time(terminal: tuple[int, str]) -> None:
     link = open_transport(f"serial://{terminal[1]}")
     start = time.monotonic()
