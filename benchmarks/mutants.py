@@ -25,7 +25,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from _bars import Bar, options, show
@@ -112,6 +112,8 @@ class Mutant:
     slow: bool = False
     """Whether this test is slow."""
     seconds: float = 0.0
+    tests: tuple[str, ...] = ()
+    """Test files that run; empty: those of the area."""
 
 
 def sites(area: str, path: Path) -> Iterator[Mutant]:
@@ -242,7 +244,8 @@ def forked(mutants: list[Mutant], copy: Path, cache: Path) -> list[Mutant]:
     if not mutants:
         return []
     place = copy.with_name("mutants.json")
-    rows = [asdict(mutant) | {"tests": tests_of(mutant.area, mutant.file)[:MOST_FILES]} for mutant in mutants]
+    files_of = [list(m.tests) or tests_of(m.area, m.file)[:MOST_FILES] for m in mutants]
+    rows = [asdict(mutant) | {"tests": files} for mutant, files in zip(mutants, files_of, strict=True)]
     place.write_text(json.dumps(rows), encoding="utf-8")
     place.with_suffix(".done").unlink(missing_ok=True)
     path = os.pathsep.join((str(copy), str(ROOT / "benchmarks")))
@@ -252,9 +255,11 @@ def forked(mutants: list[Mutant], copy: Path, cache: Path) -> list[Mutant]:
     files = sorted({test for row in rows for test in row["tests"]})
     command = [sys.executable, "-m", "pytest", *options, *plugins, *files]
     subprocess.run(command, cwd=copy, env=environment, check=True, stdout=sys.stderr)
-    names = [field.name for field in fields(Mutant)]
     lines = place.with_suffix(".done").read_text(encoding="utf-8").splitlines()
-    return [Mutant(**{name: row[name] for name in names}) for row in map(json.loads, lines)]
+    results = [
+        {name: row[name] for name in ("killer", "slow", "seconds") if name in row} for row in map(json.loads, lines)
+    ]
+    return [replace(mutant, **result) for mutant, result in zip(mutants, results, strict=True)]
 
 
 def can_fork(mutant: Mutant) -> bool:
@@ -273,12 +278,11 @@ def tried(mutant: Mutant, copy: Path, cache: Path) -> Mutant:
         path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[end:])
         with tempfile.TemporaryDirectory() as fresh:
             used = Path(fresh) if mutant.compiled else cache
-            killer = failed_test(copy, tests_of(mutant.area, mutant.file), used)
+            killer = failed_test(copy, list(mutant.tests) or tests_of(mutant.area, mutant.file), used)
     finally:
         path.write_bytes(source)
         os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    values = asdict(mutant) | {"killer": killer, "seconds": round(time.monotonic() - began, 1)}
-    return Mutant(**values)
+    return replace(mutant, killer=killer, seconds=round(time.monotonic() - began, 1))
 
 
 def main() -> None:

@@ -1,12 +1,21 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dpr_lab.errors import RunError
-from dpr_lab.estimation.noise import NOISE, arm_noise, difference_std, noise_floor, rounding_std, same_rounding
+from dpr_lab.estimation.noise import (
+    NOISE,
+    arm_noise,
+    difference_std,
+    noise_floor,
+    rest_correlation,
+    rounding_std,
+    same_rounding,
+)
 from dpr_lab.rig import load_rig
-from dpr_lab.run import Run
+from dpr_lab.run import FilmNoise, Run
 
 RIG = load_rig("paper")
 COUNT = 2 * math.pi / 16384
@@ -166,6 +175,13 @@ def test_changes_far_below_a_count_of_the_rig_are_no_multiples_of_it():
 def test_whitening_makes_unit_variance():
     noise = noise_floor(release(np.arange(-2000, 1000) / 1000, 1.5), RIG)
     np.testing.assert_allclose(noise.whitening @ noise.covariance @ noise.whitening.T, np.eye(2), atol=1e-12)
+
+
+def test_the_noise_of_a_film_is_that_of_its_rods():
+    """A video shows rods, so the angle of a relative joint 2 contains the noise of both."""
+    run = replace(release(np.arange(-300, 300) / 1000, 0.0), film_noise=FilmNoise((3e-3, 4e-3), 0.5))
+    assert noise_floor(run, RIG).std_joint == pytest.approx([3e-3, 5e-3])
+    assert rest_correlation(run, RIG, 3).tolist() == [0.125, 0.125]
 
 
 def test_too_few_samples_are_reported():

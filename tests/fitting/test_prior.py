@@ -6,13 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dpr_lab.dynamics.base import base_parameters
-from dpr_lab.effects import EFFECTS, SLICES
+from dpr_lab.dynamics.base import base_parameters, whole_parameters
+from dpr_lab.effects import EFFECTS, SLICES, effect_params
 from dpr_lab.effects.detent import DETENT_JOINT1
 from dpr_lab.effects.effect import Recorded
-from dpr_lab.fitting.estimate import FRICTION, effect_parameters, ratio_parameters
+from dpr_lab.fitting.estimate import (
+    FRICTION,
+    Estimate,
+    effect_parameters,
+    moved,
+    ratio_parameters,
+    unknown_ratios,
+)
 from dpr_lab.fitting.gauss_newton import Fit, fit
-from dpr_lab.fitting.prior import prior_of
+from dpr_lab.fitting.prior import parameter_std, prior_of, unknown_jacobian
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.hypothesis import scan
@@ -148,3 +155,39 @@ def test_a_column_of_which_only_rounding_errors_remain_removes_nothing_from_late
     A = np.array([[1.0, 0.0], [1.0, difference], [0.0, 1.0]]).T
     remaining = ColumnSpace.of(A, np.ones(2)).unabsorbed([0, 1, 2])
     assert remaining == pytest.approx([1.0, difference**2 / (1 + difference**2), last], rel=1e-4, abs=1e-9)
+
+
+def test_a_searched_parameter_has_the_standard_deviation_of_a_uniform_distribution(paper: Rig) -> None:
+    lower, upper = paper.bounds
+    uniform = np.linspace(lower, upper, 10_001).std(axis=0)
+    assert parameter_std(paper)[paper.searched] == pytest.approx(uniform[paper.searched], rel=1e-3)
+
+
+def test_the_derivatives_of_the_unknowns_are_those_of_differences(paper: Rig) -> None:
+    Z, step = paper.nominal, 1e-6 * np.diag(paper.nominal)
+    later, earlier = (
+        np.array([unknown_ratios(whole_parameters(row, paper.L1, paper.g)) for row in Z + sign * step])
+        for sign in (1, -1)
+    )
+    expected = ((later - earlier) / (2e-6 * Z)[:, None]).T
+    assert unknown_jacobian(Z, paper) == pytest.approx(expected, rel=1e-6, abs=1e-8)
+
+
+def test_the_prior_leads_to_its_mean_in_one_step(paper: Rig) -> None:
+    """Ratios to those of the rig file, amplitudes to zero."""
+    prior = prior_of(paper)
+    params = effect_params({"coulomb_joint1": {"torque_Nm": 1.5e-3}})
+    at = Estimate.of(1.1 * prior.mean, params, np.zeros((0, 4)))
+    free = (*ratio_parameters(at), *effect_parameters(EFFECTS["coulomb_joint1"]))
+    A, e = prior.rows(at, free)
+    assert A @ [*(prior.mean[:5] - at.ratios[:5]), -1.5e-3] == pytest.approx(e)
+    assert np.abs(e).min() > 0.0
+
+
+def test_a_step_ends_at_the_bounds_of_a_parameter(paper: Rig) -> None:
+    at = Estimate.of(prior_of(paper).mean, effect_params({}), np.zeros((0, 4)))
+    limits = prior_of(paper).limits
+    free = effect_parameters(EFFECTS["coulomb_joint1"], limits=limits)[:1]
+    limit = float(limits[SLICES["coulomb_joint1"].start])
+    ends = [moved(at, free, np.array([step]), at.initial) for step in (0.5 * limit, 2.0 * limit, -2.0 * limit)]
+    assert [free[0].read(end) for end in ends] == [0.5 * limit, limit, free[0].lower]
