@@ -1,3 +1,4 @@
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from dpr_lab.dynamics.base import RATIOS, base_parameters, ratios, whole_parameters
 from dpr_lab.fitting.estimate import SCALE, unknown_ratios, visible_ratios
 from dpr_lab.identification.model import EstimatedValue, ParameterValue
-from dpr_lab.identification.prior_update import as_observed, clamped_cosine, posterior_of
+from dpr_lab.identification.prior_update import _edges, as_observed, clamped_cosine, posterior_of
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.setup import Setup
@@ -57,6 +58,17 @@ def test_four_measured_values_let_the_data_fix_the_other_five(paper: Rig) -> Non
         assert result[name].value == pytest.approx(true, rel=1e-4)
     assert [name for name in PARAMETERS if result[name].fixed_by == "measured"] == ["l2", "m1", "m2", "mb"]
     assert [name for name in PARAMETERS if result[name].fixed_by == "data"] == ["l1", "c1", "c2", "J1", "J2"]
+
+
+def test_a_measured_value_is_bounded_by_its_90_percent_interval_and_another_by_the_rig_file(paper: Rig) -> None:
+    rig = measured(paper, "m1")
+    weighed, nominal = PARAMETERS.index("m1"), rig.bounds[0][PARAMETERS.index("m1")]
+    lower, upper = _edges(rig)
+    assert (nominal - lower[weighed], upper[weighed] - nominal) == pytest.approx(
+        [1e-6 * NormalDist().inv_cdf(0.95)] * 2
+    )
+    others = np.arange(len(PARAMETERS)) != weighed
+    assert np.array_equal([lower[others], upper[others]], np.array(rig.bounds)[:, others])
 
 
 def test_three_weighed_parts_leave_one_direction_that_only_bounds_hold(paper: Rig) -> None:

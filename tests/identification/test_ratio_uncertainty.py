@@ -2,12 +2,15 @@
 
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from dpr_lab.identification import uncertainty
+from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.identification.uncertainty import RatioUncertainty
+from dpr_lab.setup import Setup
 
 T3, T2, T1 = 2.353363, 2.919986, 6.313752
 """95 % quantiles of Student's t with 3, 2 and 1 degrees of freedom."""
@@ -52,6 +55,17 @@ def test_the_cramer_rao_bound_contains_only_unknowns_above_zero() -> None:
     assert at_bound.cramer_rao_with(1) == pytest.approx(np.sqrt(16 / 27))
     both = of([1.0, 0.0, 2.0], [1.0, 0.0, 1.0], blocks=9, information=H, prior=prior)
     assert both.cramer_rao_std == pytest.approx([np.sqrt(8 / 36), 0.0, np.sqrt(5 / 36)])
+
+
+def test_zeros_of_encoders_count_as_fitted_values_and_initial_states_have_their_own_information(
+    rng: np.random.Generator,
+) -> None:
+    free = [Mock(block="ratios")] * 5 + [Mock(block="zeros")] * 4
+    R = np.triu(rng.normal(size=(3, 4, 4))) + 5 * np.eye(4)
+    segments = Mock(setups=[Setup()])
+    fitted = RatioFit(Mock(evidence=100, segments=segments), Mock(free=free, linear=Mock(R=R)))
+    assert fitted.dof == 100 - 5 - 4
+    assert fitted.initial_covariances == pytest.approx(np.linalg.inv(R.transpose(0, 2, 1) @ R))
 
 
 def test_the_covariance_of_the_runs_is_the_one_without_the_prior() -> None:
