@@ -7,12 +7,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import quad
 
 from dpr_lab.fitting.estimate import EFFECTS_BEGIN, SIZE, Estimate, FreeParameter
 from dpr_lab.fitting.gauss_newton import Fit, StopReason
 from dpr_lab.fitting.linearise import Linearisation
 from dpr_lab.fitting.projection import ColumnSpace
-from dpr_lab.gap.conclusion.uncertainty import second_moments
+from dpr_lab.gap.conclusion.uncertainty import _mean_square, second_moments
 
 Array = NDArray[np.float64]
 SPEED = np.linspace(0.1, 2.0, 40)
@@ -64,3 +65,14 @@ def test_a_value_that_the_readings_exclude_is_zero_with_little_doubt():
     problem, fit = fitted(COLUMNS @ np.array([3.0, 50.0, 0.0]) - 30.0 * SPEED**2)
     assert 2 not in fit.inside
     assert second_moments(problem, fit, 1.0)[2, 2] ** 0.5 < 0.05
+
+
+@pytest.mark.parametrize("slope", [-30.0, -1.0, 0.0, 2.0])
+@pytest.mark.parametrize("farthest", [0.5, np.inf])
+def test_the_mean_square_beyond_a_bound_is_that_of_a_cut_normal_density(slope: float, farthest: float) -> None:
+    end, curvature = min(farthest, 20.0), 4.0
+
+    def moment(power: int) -> float:
+        return quad(lambda u: u**power * np.exp(slope * u - curvature * u**2 / 2), 0.0, end, limit=200)[0]
+
+    assert _mean_square(slope, curvature, farthest) == pytest.approx(moment(2) / moment(0), rel=2e-2)
