@@ -258,7 +258,7 @@ def test_samples_received_before_the_cable_was_pulled_are_delivered_first(simula
         device.connect()
         device.hold()
         device.stream(1000)
-        time.sleep(0.8)
+        device._reader.join()
         ticks: list[int] = []
         with pytest.raises(DeviceLost, match="the port is lost"):
             poll_on(device, ticks)

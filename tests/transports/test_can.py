@@ -119,10 +119,11 @@ def test_slcan_opens_the_bus_at_the_bit_rate_and_survives_damaged_lines(adapter:
     link.close()
 
 
-def heard(device: int) -> bytes:
-    """All bytes that the host sends to the adapter until it pauses."""
+def heard(device: int, end: bytes) -> bytes:
+    """All bytes that the host sends to the adapter, up to this end."""
     result = b""
-    while select.select([device], [], [], 0.5)[0]:
+    while not result.endswith(end):
+        assert select.select([device], [], [], 60.0)[0], result
         result += os.read(device, 100)
     return result
 
@@ -131,11 +132,12 @@ def test_busy_slcan_port_is_reported_and_not_used(adapter: tuple[int, str]) -> N
     device, path = adapter
     first = open_transport(f"can://slcan{path}")
     try:
-        heard(device)
+        heard(device, b"\rO\r")
         with pytest.raises(LinkError, match="in use by another program"):
             open_transport(f"can://slcan{path}")
         first.send(SAMPLE)
-        assert heard(device).startswith(b"t0428")  # nothing closed or reopened the bus in between
+        line = b"t0428" + SAMPLE.data.hex().upper().encode() + b"\r"
+        assert heard(device, line) == line  # nothing closed or reopened the bus in between
     finally:
         first.close()
     open_transport(f"can://slcan{path}").close()
@@ -176,7 +178,7 @@ def test_an_adapter_without_a_device_is_named_and_left(adapter: tuple[int, str])
     device, path = adapter
     with pytest.raises(LinkError, match=rf"searched {path} \(no DPR device\)"):
         open_transport(f"can://slcan{path}?uid=51d000000001")
-    assert heard(device).endswith(b"C\r")  # the bus is left
+    heard(device, b"\rC\r")  # the bus is left
     open_transport(f"can://slcan{path}").close()
 
 
