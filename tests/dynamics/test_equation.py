@@ -124,6 +124,17 @@ def test_rods_on_a_clamped_arm_satisfy_lagrange_s_equations_and_equation_1(lagra
         assert moved(q, w, CLAMPED, 5.0) == (0.0, *equation1)
 
 
+def test_accelerations_of_the_rods_solve_the_two_equations_written_out(states):
+    a, b, d, e1, e2, c1, c2 = rod_parameters()
+    for t1, t2, w1, w2 in states[:, [1, 2, 4, 5]]:
+        cos, sin = np.cos(t1 - t2), np.sin(t1 - t2)
+        torque1 = -d * sin * w2**2 - c1 * w1 - c2 * (w1 - w2) + e1 * np.sin(t1) + 0.1
+        torque2 = d * sin * w1**2 - c2 * (w2 - w1) + e2 * np.sin(t2) - 0.2
+        expected = np.linalg.solve([[a, d * cos], [d * cos, b]], [torque1, torque2])
+        result = accelerations(t1, t2, w1, w2, *rod_parameters(), 0.1, -0.2)
+        np.testing.assert_allclose(result, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
+
+
 def test_a_drive_without_motion_is_a_clamp(states):
     for state in states:
         q, w = state[:3], np.array([0.0, *state[4:]])
