@@ -182,19 +182,6 @@ def test_rate_beyond_the_link_is_refused_before_anything_is_sent(simulated, spy_
         collect(device, at_least(10))
 
 
-def test_the_clock_is_not_fitted_while_the_reader_adds_an_answer() -> None:
-    with Device(Loop()) as device:
-        device.connect()
-        fits = list[object]()
-        caller = threading.Thread(target=lambda: fits.append(device.clock()))
-        with device._lock:  # as the reader thread does
-            caller.start()
-            caller.join(0.05)
-            assert not fits
-        caller.join()
-        assert fits
-
-
 def test_rate_beyond_the_device_is_refused() -> None:
     with Device(Loop()) as device:
         device.connect()

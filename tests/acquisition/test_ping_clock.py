@@ -2,9 +2,11 @@
 
 import pytest
 
+from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.ping_clock import PingClock
 from dpr_lab.acquisition.settings import DEVICE_TIMING
 from firmware_protocol.messages import Pong
+from tests.acquisition.test_device import Loop
 
 
 def ask(clock: PingClock, now: float, tick: int) -> None:
@@ -38,3 +40,10 @@ def test_a_new_stream_discards_the_exchanges_of_the_previous_one() -> None:
     assert fit is not None
     assert fit.rate_ppm == pytest.approx(0.0, abs=1.0)
     assert fit.offset == pytest.approx(20.0, abs=1e-3)
+
+
+def test_the_clock_is_fitted_while_the_reader_adds_no_exchange(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Device(Loop()) as device:
+        device.connect()
+        monkeypatch.setattr(PingClock, "fit", lambda *_: device._lock._is_owned())
+        assert device.clock() is True

@@ -192,19 +192,6 @@ def test_a_failed_step_is_shortened_for_the_worse_segments_and_for_all_in_turn(m
     np.testing.assert_allclose(tried, np.concatenate([once, whole * once]))
 
 
-def test_a_step_that_costs_more_prior_than_it_reduces_chi2_is_shortened(monkeypatch):
-    """The cost is 10 - length + 4 length^2, which exceeds 10 after the whole step but not after a short one."""
-    monkeypatch.setattr(gauss_newton, "moved", lambda at, free, step, initial: float(step[0]))
-    linear = Mock(chi2_by_segment=np.array([10.0]), initial_steps=lambda step: np.zeros((1, 4)))
-    problem = Mock(predict=lambda length: length, chi2_by_segment=lambda length: np.array([10.0 - length]))
-    prior = Mock(cost=lambda step: 4.0 * float(step @ step))
-    length, _, chi2, cost = gauss_newton._line_search(
-        problem, (Mock(),), Mock(linear=linear), np.ones(1), prior, GaussNewton(), 8
-    )
-    assert (chi2, cost) == (10.0 - length, 4.0 * length**2)
-    assert 0.0 < length <= 0.25
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_swing_from_near_the_upright_does_not_end_a_fit_above_its_minimum(bare, seed):

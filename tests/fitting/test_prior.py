@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from dpr_lab.dynamics.base import base_parameters, whole_parameters
 from dpr_lab.effects import EFFECTS, SLICES, effect_params
 from dpr_lab.effects.detent import DETENT_JOINT1
 from dpr_lab.effects.effect import Recorded
+from dpr_lab.fitting import gauss_newton
 from dpr_lab.fitting.estimate import (
     FRICTION,
     Estimate,
@@ -18,7 +20,7 @@ from dpr_lab.fitting.estimate import (
     ratio_parameters,
     unknown_ratios,
 )
-from dpr_lab.fitting.gauss_newton import Fit, fit
+from dpr_lab.fitting.gauss_newton import Fit, GaussNewton, fit
 from dpr_lab.fitting.prior import parameter_std, prior_of, unknown_jacobian
 from dpr_lab.fitting.projection import ColumnSpace
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
@@ -191,3 +193,16 @@ def test_a_step_ends_at_the_bounds_of_a_parameter(paper: Rig) -> None:
     limit = float(limits[SLICES["coulomb_joint1"].start])
     ends = [moved(at, free, np.array([step]), at.initial) for step in (0.5 * limit, 2.0 * limit, -2.0 * limit)]
     assert [free[0].read(end) for end in ends] == [0.5 * limit, limit, free[0].lower]
+
+
+def test_a_step_that_costs_more_prior_than_it_reduces_chi2_is_shortened(monkeypatch):
+    """The cost is 10 - length + 4 length^2, which exceeds 10 after the whole step but not after a short one."""
+    monkeypatch.setattr(gauss_newton, "moved", lambda at, free, step, initial: float(step[0]))
+    linear = Mock(chi2_by_segment=np.array([10.0]), initial_steps=lambda step: np.zeros((1, 4)))
+    problem = Mock(predict=lambda length: length, chi2_by_segment=lambda length: np.array([10.0 - length]))
+    prior = Mock(cost=lambda step: 4.0 * float(step @ step))
+    length, _, chi2, cost = gauss_newton._line_search(
+        problem, (Mock(),), Mock(linear=linear), np.ones(1), prior, GaussNewton(), 8
+    )
+    assert (chi2, cost) == (10.0 - length, 4.0 * length**2)
+    assert 0.0 < length <= 0.25

@@ -11,6 +11,7 @@ from dpr_lab.identification.prior_update import _edges, as_observed, clamped_cos
 from dpr_lab.rig import PARAMETERS, Rig
 from dpr_lab.rig_tables import Parameter
 from dpr_lab.setup import Setup
+from tests.thinned import FULL
 
 TRUE = np.array([0.21, 0.19, 0.104, 0.093, 0.215, 0.00107, 0.00093, 0.00139, 0.00128])
 EXACT = np.zeros((5, 5))
@@ -211,7 +212,7 @@ def test_intervals_of_base_parameters_scale_and_body_contain_the_truth_with_a_cl
     setups = [Setup("clamped", elbow=angle) for angle in angles]
     visible, clamped, rng, inside = visible_ratios(setups), clamped_cosine(setups), np.random.default_rng(5), []
     nominal = unknown_ratios(whole_parameters(paper.nominal, paper.L1, paper.g))
-    for _ in range(40):
+    for _ in range(40 if FULL else 20):
         whole = whole_parameters(rng.uniform(*paper.bounds), paper.L1, paper.g)
         true = unknown_ratios(whole)
         fitted = fitted_to(true, nominal, paper, setups)

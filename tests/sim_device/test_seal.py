@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dpr_lab.configs import BUILTIN
@@ -23,6 +23,7 @@ from sim_device.trials.request import parse_request
 from sim_device.trials.seal import opened, seal
 from sim_device.trials.toml import toml_text
 from sim_device.trials.trial import sealed_trial
+from tests.thinned import FULL
 from tests.warm_process import started
 
 WANTED = Options(draw_effects="single:clear:coulomb_joint1", seed=9)
@@ -163,6 +164,7 @@ def tables(values: st.SearchStrategy[Any]) -> st.SearchStrategy[dict[str, Any]]:
     return st.dictionaries(KEYS, values, max_size=3)
 
 
+@settings(max_examples=60 if FULL else 20)
 @given(tables(st.one_of(VALUES, tables(tables(VALUES)))))
 def test_toml_comes_back_as_it_was(table) -> None:
     assert tomllib.loads(toml_text(table)) == table
