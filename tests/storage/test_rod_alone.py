@@ -379,15 +379,16 @@ def test_the_position_of_a_cart_is_no_angle_and_a_note_states_how_to_use_it(
 def test_the_speed_next_to_an_unnamed_angle_is_not_mistaken_for_it(one: Rig, tmp_path: Path) -> None:
     noise = np.random.default_rng(4).normal(0, 0.2, (2, len(T)))
     speed = -7.2 * np.sin(6 * T) + noise[0]
-    for columns in ((T, SWING, speed), (T, speed, SWING)):
+    for columns in ((T, SWING, speed), (T, speed, SWING), (SWING, speed, speed + np.roll(speed, 1), 0 * T, T)):
         file = table(tmp_path, "", *columns)
         file.write_text(file.read_text().lstrip())
         run = import_csv(file, one, ImportOptions(unit=None, time_unit=None, zero="hanging"))
         assert run.theta[:, 1] - np.pi == pytest.approx(SWING, abs=1e-9)
-    file = table(tmp_path, "", T, SWING, noise[1])
-    file.write_text(file.read_text().lstrip())
-    with pytest.raises(RunError, match="no single column found"):
-        import_csv(file, one, ImportOptions(unit=None, time_unit=None))
+    for others in ((noise[1],), (speed, -36 * SWING)):
+        file = table(tmp_path, "", T, SWING, *others)
+        file.write_text(file.read_text().lstrip())
+        with pytest.raises(RunError, match="no single column found"):
+            import_csv(file, one, ImportOptions(unit=None, time_unit=None))
 
 
 def test_rows_that_are_written_in_bursts_still_have_a_column_of_times(one: Rig, tmp_path: Path) -> None:

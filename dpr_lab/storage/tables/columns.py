@@ -252,7 +252,7 @@ def _only_varying(table: Table, stated: Mapping[str, str]) -> list[str]:
         if (only_two or not runs(column)) and varies(column)
     ]
     varying = [name for name in varying if not names_no_angle(name)] or varying
-    if len(varying) == 2 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
+    if len(varying) > 1 and clock and all(_NO_NAME.fullmatch(name) for name in table.names):
         varying = without_speed({name: table.column(name) for name in varying}, table.column(clock))
     if len(varying) == 1 and not clock and _COORDINATE.fullmatch(own_name(varying[0])):
         raise RunError(

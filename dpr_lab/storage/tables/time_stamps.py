@@ -284,15 +284,19 @@ def _error(t: Array, x: Array, fitted: slice, row: int, instant: float) -> Array
 
 
 def without_speed(columns: Mapping[str, Array], t: Array) -> list[str]:
-    """Return the names of two columns, or of only one if the other column is its speed.
+    """Return the names of columns, or of only the angle if every other column is its speed.
 
     The steps of an angle are proportional to speed times time step, in any unit. The steps of the speed of a swing have
-    the opposite sign of the angle.
+    the opposite sign of the angle. A table can have the raw and the filtered speed.
     """
     names, steps = list(columns), np.diff(t)
     angles = [
         angle
-        for angle, speed in (names, names[::-1])
-        if correlation(np.diff(columns[angle]), steps * columns[speed][1:]) > SETTINGS.speed_correlation
+        for angle in names
+        if all(
+            correlation(np.diff(columns[angle]), steps * columns[speed][1:]) > SETTINGS.speed_correlation
+            for speed in names
+            if speed != angle
+        )
     ]
     return angles if len(angles) == 1 else names
