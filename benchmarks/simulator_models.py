@@ -49,7 +49,7 @@ PLANTED = {
     "stiffness2": ("spring stiffness", "elbow", (0.03, 0.08)),
     "centroid1": ("centre of mass of the body along the rod", "shoulder", (0.128, 0.14)),
     "centroid2": ("centre of mass of the body along the rod", "elbow", (0.132, 0.145)),
-    "length": ("length error, inner rod", "shoulder", (0.308, 0.325)),
+    "length": ("error of length L1 or gravity", "shoulder", (0.308, 0.325)),
     "gear1": ("gear of the motor", "shoulder", (10.6, 13.0)),
     "gear2": ("gear of the motor", "elbow", (3.8, 4.7)),
 }

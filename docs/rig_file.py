@@ -29,6 +29,7 @@ properties of the encoders. This page explains every key.
 | `dpr-lab rig show` | a built-in rig |
 
 `dpr-lab rig check` rejects a key that is unknown, missing or outside its range, and states its position in the file.
+It also rejects a mass above 100 kg per metre of its rod, which is probably in grams.
 
 ```sh
 dpr-lab rig new --name bench --l1 0.3 --l2 0.25 --m1 0.21+-0.001 --m2 0.12+-0.001 --out my_rig.toml

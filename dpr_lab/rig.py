@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from dpr_lab.arrays import Array, Flags
 from dpr_lab.configs import find_config, parse_config, read_config, sha256_of
+from dpr_lab.errors import ConfigError
 from dpr_lab.rig_tables import (
     AddedMass,
     ArmMode,
@@ -354,7 +355,9 @@ def load_rig(name: str | Path) -> Rig:
         ConfigError: the file is not found or not valid; the message names the file, the key and the value.
     """
     path = find_config("rigs", name)
-    return read_config(path, Rig).read_from(path)
+    rig = read_config(path, Rig).read_from(path)
+    _refuse_impossible_masses(rig, str(path))
+    return rig
 
 
 def parse_rig(text: str) -> Rig:
@@ -364,5 +367,22 @@ def parse_rig(text: str) -> Rig:
         ConfigError: the text is not valid.
     """
     rig = parse_config(text, "the rig file", Rig)
+    _refuse_impossible_masses(rig, "the rig file")
     rig._sha256 = hashlib.sha256(text.encode()).hexdigest()
     return rig
+
+
+def _refuse_impossible_masses(rig: Rig, source: str) -> None:
+    """Refuse masses that no rod of this length can have; stored runs are exempt, so that they stay readable."""
+    lengths = {"m1": (rig.L1, "l1"), "m2": (rig.L2 or 0.0, "l2"), "mb": (rig.L1, "l1")}
+    faults = {}
+    for name, (length, centroid) in lengths.items():
+        mass = rig.parameters[name].measured or rig.parameters[name].nominal
+        longest = max(length, 2 * rig.parameters[centroid].nominal)
+        if mass > (most := rig.rig.MOST_KG_PER_M * longest):
+            sentence = f"{mass:g} kg is impossible on a rod of {longest:g} m (at most {most:g} kg): give masses in kg"
+            faults[f"parameters.{name}"] = sentence
+    if faults:
+        refused = ConfigError("\n".join(f"{source}: {key}: {sentence}" for key, sentence in faults.items()))
+        refused.keys = list(faults)
+        raise refused

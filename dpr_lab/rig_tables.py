@@ -305,6 +305,9 @@ class RigGeometry(RigTable):
     EARTH: ClassVar[tuple[float, float]] = (9.76, 9.84)
     """Range of gravity at the surface of the earth, m/s^2: from high mountains near the equator to the poles."""
 
+    MOST_KG_PER_M: ClassVar[float] = 100.0
+    """Maximum mass per length of a rod, kg/m, that of a steel bar of 127 mm diameter; a larger mass is in grams."""
+
     @classmethod
     def on_earth(cls, g: float) -> bool:
         """Return whether a gravitational acceleration, m/s^2, occurs at the surface of the earth."""

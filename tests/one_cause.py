@@ -36,7 +36,8 @@ def one_cause(sizes: float = 20.0, **changed: object) -> Diagnosis:
 def of_runs(diagnosis: Diagnosis, *names: str, exclusions: Sequence[Exclusion] = ()) -> Diagnosis:
     """The diagnosis, assigned to these recordings."""
     recordings = [
-        RecordingUsed.model_construct(name=name, held_out=False, duration_s=5.0, readings=0) for name in names
+        RecordingUsed.model_construct(name=name, sha256="", held_out=False, duration_s=5.0, readings=0)
+        for name in names
     ]
     evidence = Evidence.model_construct(recordings=recordings, exclusions=list(exclusions))
     return diagnosis.model_copy(update={"evidence": evidence})

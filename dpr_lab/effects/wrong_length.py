@@ -1,4 +1,4 @@
-"""Length error of the inner rod."""
+"""Error of the length of the inner rod or of gravity: only their quotient acts on the rods."""
 
 from dpr_lab.effects.effect import BenchQuantity, Effect, EffectParameter
 from dpr_lab.effects.quantities import BaseParameters, Motion, RigConstants, Terms, torques
@@ -17,7 +17,7 @@ def longer(motion: Motion, base: BaseParameters, constants: RigConstants, added_
 
 WRONG_LENGTH = Effect(
     name="wrong_length_L1",
-    words="length error, inner rod",
+    words="error of length L1 or gravity",
     equation="e2 = d g / (L1 + x) instead of e2 = d g / L1",
     parameters=(EffectParameter("added_m", "m", 2e-3, most=0.1),),
     site="geometry",

@@ -178,9 +178,7 @@ def recorded_releases(diagnosis: Diagnosis) -> int:
     """Count the fitted and held-out releases; all pieces of one recording count once."""
     if diagnosis.evidence is None:  # a file of an older version
         return 1 if diagnosis.basis == "one release" else STOPPING.fewest
-    names = [recording.name for recording in diagnosis.evidence.recordings]
-    pieces = [name for name in names if whole(name) != name]
-    return len(names) - len(pieces) + len({whole(name) for name in pieces})
+    return len({(whole(recording.name), recording.sha256) for recording in diagnosis.evidence.recordings})
 
 
 def possible(diagnosis: Diagnosis) -> list[str]:

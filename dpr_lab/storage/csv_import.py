@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dpr_lab.configs import sha256_of
+from dpr_lab.errors import RunError
 from dpr_lab.progress import ImportProgress, OnImport, unwatched
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
@@ -18,7 +19,7 @@ from dpr_lab.storage.reader import load_run, run_of
 from dpr_lab.storage.row_text import Samples
 from dpr_lab.storage.samples import Gathered
 from dpr_lab.storage.scan import Scan
-from dpr_lab.storage.tables.options import ImportOptions
+from dpr_lab.storage.tables.options import AXES, ImportOptions
 from dpr_lab.storage.tables.understand import understand
 from dpr_lab.storage.tables.understood import Understood
 from dpr_lab.storage.whole_run import whole_run
@@ -47,8 +48,8 @@ def import_csv(
     Raises:
         RunError: the file is not a table of numbers, a column cannot be found, the time decreases (the message names
             the line), too many rows have no value (more than half, or 10 % if there are many consecutive ones), no row
-            remains, a joint without a rod moves, or the table cannot be a swing of the rig
-            (`dpr_lab.storage.tables.questions`).
+            remains, a joint without a rod moves, the motion contradicts the unit of the angles, or the table cannot be
+            a swing of the rig (`dpr_lab.storage.tables.questions`).
     """
     swing = understand(file, rig, options, on_progress or unwatched)
     if out is None:
@@ -62,7 +63,8 @@ def write_run(swing: Understood, out: Path | str, on_progress: OnImport = unwatc
     """Write an interpreted table to a run file.
 
     Raises:
-        RunError: the file cannot be written, or the motion of the arm cannot be prescribed.
+        RunError: the file cannot be written, the motion contradicts the unit of the angles, or the motion of the arm
+            cannot be prescribed.
     """
     metadata = _metadata(swing)
     _in_memory(swing, metadata)  # checked before the file is created
@@ -73,6 +75,14 @@ def write_run(swing: Understood, out: Path | str, on_progress: OnImport = unwatc
             writer.table(part.t, part.theta, part.counts, part.torques)
             on_progress(ImportProgress("write", min(start + block, rows), rows))
         writer.finish(RunSummary(release_tick=swing.release, notes=swing.remarks))
+
+
+def _refuse_unit(swing: Understood) -> None:
+    """Refuse a table whose motion contradicts the unit of its angles, unless the options scale the angles."""
+    contradictions = [question.sentence for question in swing.questions if question.other_unit]
+    if contradictions and swing.options.scale.keys().isdisjoint(AXES):
+        unit = swing.options.unit
+        raise RunError(f"{swing.path}: {contradictions[0]}. If the angles are in {unit} nevertheless, add --scale 1")
 
 
 def _metadata(swing: Understood) -> RunMetadata:
@@ -117,6 +127,7 @@ def table_name(path: Path) -> str:
 
 def _in_memory(swing: Understood, metadata: RunMetadata) -> Run:
     """Create the run that a run file with an interpreted table would contain."""
+    _refuse_unit(swing)
     stored = Scan(
         path=swing.path,
         size_bytes=0,

@@ -252,8 +252,9 @@ class Usual:
     """Range of lengths, m."""
     mass: tuple[float, float] = (1e-3, 50.0)
     """Range of masses, kg."""
-    kg_per_m: float = 100.0
-    """Maximum mass per length of a rod, kg/m: twice the value of a steel rod of 80 mm diameter."""
+    kg_per_m: float = 20.0
+    """Maximum mass per length of a rod, kg/m: the value of a steel bar of 57 mm diameter. `RigGeometry` contains the
+    limit beyond which a file is refused."""
     rate_hz: int = 100
     """Minimum sample rate, Hz. A rod makes up to three turns per second."""
     relative_std: float = 0.1

@@ -31,8 +31,7 @@ def test_keys_that_do_not_fit_together_have_one_sentence() -> None:
     ("words", "warnings"),
     [
         ((), []),
-        (("--m2", "150"), ["parameters.m2: 150 kg: was it weighed in another unit?"]),
-        (("--m2", "30"), ["parameters.m2: 30 kg is a large mass for a rod of 0.25 m: was it weighed in another unit?"]),
+        (("--m2", "10"), ["parameters.m2: 10 kg is a large mass for a rod of 0.25 m: was it weighed in another unit?"]),
         (("--l1", "3"), ["rig.L1: 3 m: was it measured in another unit?"]),
     ],
 )
@@ -40,6 +39,19 @@ def test_a_new_rig_with_a_length_in_mm_or_a_mass_in_g_has_a_warning(cli, tmp_pat
     done = cli("rig", "new", *FLAGS, *words, "--mb", "0.05", "--out", "my.toml", cwd=tmp_path)
     assert done.code == 0
     assert [line.removeprefix("warning: ") for line in done.err.splitlines() if "unit?" in line] == warnings
+
+
+def test_a_mass_that_no_rod_can_have_is_refused_with_its_key_and_value(cli, tmp_path: Path) -> None:
+    rig = changed(tmp_path, "measured = 0.21\n", "measured = 210.0\n")
+    sentence = "210 kg is impossible on a rod of 0.3 m (at most 30 kg): give masses in kg"
+    with pytest.raises(ConfigError, match=re.escape(f"rig.toml: parameters.m1: {sentence}")) as refused:
+        load_rig(rig)
+    assert refused.value.keys == ["parameters.m1"]
+    assert [(finding.state, finding.text) for finding in check_rig(rig)] == [("wrong", sentence)]
+    done = cli("rig", "new", *FLAGS, "--m2", "120", "--mb", "50", "--out", "my.toml", cwd=tmp_path)
+    assert done.code == 3
+    assert all(f"parameters.{key}" in done.err for key in ("m2: 120 kg", "mb: 50 kg"))
+    assert not (tmp_path / "my.toml").exists()
 
 
 FINDINGS = {
@@ -234,7 +246,8 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
     [
         ("g = 9.81", "g = 98.1", "odd", "rig.g"),
         ("L1 = 0.3 ", "L1 = 3.0 ", "odd", "rig.L1"),
-        ("measured = 0.21\n", "measured = 210.0\n", "odd", "parameters.m1"),
+        ("measured = 0.21\n", "measured = 21.0\n", "odd", "parameters.m1"),
+        ("measured = 0.21\n", "measured = 210.0\n", "wrong", "parameters.m1"),
         ("std = 0.001", "std = 0.1", "odd", "parameters.m1"),
         ("measured = 0.21\nstd = 0.001", "lower = 0.2\nupper = 0.3", "missing", "parameters"),
         ("nominal = 0.15\n", "nominal = 0.35\n", "odd", "parameters.l1"),

@@ -119,7 +119,8 @@ def test_a_second_import_of_a_table_names_the_first_one(tmp_path: Path) -> None:
     other.parent.mkdir()
     table.write_bytes((SAMPLES / "side.csv").read_bytes().replace(b"_deg", b""))
     other.write_bytes((SAMPLES / "elbow.csv").read_bytes())
-    wrong, right, third = imported(table), imported(table, unit="deg"), imported(other)
+    scale = {"theta1": 1.0, "theta2": 1.0}
+    wrong, right, third = imported(table, scale=scale), imported(table, unit="deg"), imported(other)
     assert "--unit deg" in wrong.questions[0].sentence
     assert not any("exists" in note for note in wrong.notes)
     start = f"{wrong.file} exists and is kept, so the new run is"

@@ -77,7 +77,7 @@ PLANTED = {
     "inertial frame shifted, upper": Planted(
         'pos="0 0 -0.12"', 'pos="0 0 -0.13"', "centre of mass of the body along the rod", "shoulder"
     ),
-    "rod too short": Planted('pos="0 0 -0.3"', 'pos="0 0 -0.315"', "length error, inner rod", "shoulder"),
+    "rod too short": Planted('pos="0 0 -0.3"', 'pos="0 0 -0.315"', "error of length L1 or gravity", "shoulder"),
 }
 
 SOFTENED = "frictionloss missing, shoulder"

@@ -35,7 +35,7 @@ ATTRIBUTES = {
     "damping": "damping",
     "spring stiffness": "stiffness",
     "centre of mass of the body along the rod": "pos",
-    "length error, inner rod": "pos",
+    "error of length L1 or gravity": "pos",
 }
 
 

@@ -28,3 +28,4 @@ def test_the_assumptions_of_a_single_rod_refer_to_a() -> None:
     assert "A release with a known added mass fixes a." in text
     assert "rotor_inertia_joint1 is indistinguishable from e1/a." in text
     assert "/b" not in text
+    assert "sizes from which effects are excluded, hold only at these values" in text

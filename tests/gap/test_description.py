@@ -21,6 +21,7 @@ from dpr_lab.gap.conclusion.verdict import listed_causes
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.state import Description
 from dpr_lab.report.plain import as_json
+from dpr_lab.report.words import in_words
 from dpr_lab.rig import Rig, load_rig, parse_rig
 from dpr_lab.run import Run
 from dpr_lab.setup import ArmMotion
@@ -217,6 +218,10 @@ def test_a_length_error_that_no_clock_can_have_is_led_by_the_length(swings, pape
     assert effect.name == "wrong_length_L1"
     assert effect.members == ["wrong_length_L1", "clock_rate"]
     assert effect.odds["clock_rate"] < 1e-3
+
+
+def test_an_error_of_the_length_is_also_named_as_one_of_gravity() -> None:
+    assert in_words("by wrong_length_L1.") == "by error of length L1 or gravity [wrong_length_L1]."
 
 
 def test_a_size_is_the_less_plausible_the_further_beyond_its_scale() -> None:

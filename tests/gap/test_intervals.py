@@ -88,18 +88,19 @@ def test_the_result_marks_an_untested_effect(limited: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fitted", "held_out", "alone", "expected"),
+    ("fitted", "held_out", "division", "alone", "expected"),
     [
-        (["P1"], [], True, ("spring_joint1",)),
-        (["P1"], [], False, ()),
-        (["P1", "P2"], [], True, ()),
-        (["P1"], ["P2"], True, ()),
-        (["P1 0-10 s", "P1 20-30 s"], ["P1 10-20 s"], True, ("spring_joint1",)),
+        (["P1"], [], "", True, ("spring_joint1",)),
+        (["P1"], [], "", False, ()),
+        (["P1", "P2"], [], "", True, ()),
+        (["P1"], ["P2"], "", True, ()),
+        (["P1 0-10 s", "P1 20-30 s"], ["P1 10-20 s"], "divided", True, ("spring_joint1",)),
+        (["P1 0-10 s", "P1 20-30 s"], [], "", True, ()),
     ],
-    ids=["one release", "two rods", "two releases", "held-out run", "pieces of one release"],
+    ids=["one release", "two rods", "two releases", "held-out run", "pieces of one release", "two films"],
 )
 def test_a_second_release_or_rod_tests_the_form(
-    fitted: list[str], held_out: list[str], alone: bool, expected: tuple[str, ...]
+    fitted: list[str], held_out: list[str], division: str, alone: bool, expected: tuple[str, ...]
 ) -> None:
     """Neither one parameter nor a class with such a member needs this test."""
     classes = {
@@ -109,7 +110,8 @@ def test_a_second_release_or_rod_tests_the_form(
     }
     recordings, others = (Fake(records=[Fake(run=Fake(name=name)) for name in names]) for names in (fitted, held_out))
     setups = [Fake(alone=alone) for _ in fitted]
-    state: Any = Fake(recordings=recordings, held_out=others, problem=Fake(segments=Fake(setups=setups)))
+    problem = Fake(segments=Fake(setups=setups))
+    state: Any = Fake(recordings=recordings, held_out=others, division=division, problem=problem)
     effects: Any = [Fake(name=name, members=members) for name, members in classes.items()]
     assert untested(state, effects) == expected
 

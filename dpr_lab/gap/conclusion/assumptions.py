@@ -47,7 +47,10 @@ def _length(state: Transferred) -> str:
     """State whether L1 is the value of the rig file or was fitted."""
     rig, estimate = state.fitted.recordings.rig, state.selection.chosen.estimate
     if rig.rig.L1_std is None:
-        return f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are taken as exact."
+        return (
+            f"L1 = {rig.L1:g} m and g = {rig.g:g} m/s^2 are taken as exact. Minimum detectable sizes, and sizes from"
+            " which effects are excluded, hold only at these values."
+        )
     name = next(name for name in state.fitted.problem.always if EFFECTS[name].corrects == "L1")
     (added,) = named_params(estimate.params).get(name, {"": 0.0}).values()
     half_width = max(state.intervals[key] for key in state.intervals if key[0] == name)

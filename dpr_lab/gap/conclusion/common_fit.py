@@ -1,7 +1,7 @@
 """Fit of the common effects alone, which a diagnosis shows if it claims no cause.
 
-The common effects are those of a textbook fit: zero errors, a tilt, a length error of the inner rod, dry friction and
-air drag. With few segments or correlated noise, they may be insignificant as causes although they explain much of the
+The common effects are those of a textbook fit: zero errors, a tilt, an error of L1 or gravity, dry friction and air
+drag. With few segments or correlated noise, they may be insignificant as causes although they explain much of the
 gap. Their sizes are nevertheless useful, and the share that they explain shows whether the cause can be one of them.
 
 Starting from the bare model, the common effect that reduces chi2 most is added in each step. A step must reduce the

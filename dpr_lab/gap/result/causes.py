@@ -22,8 +22,8 @@ def nameable(members: Sequence[str], odds: Mapping[str, float], least: float = 1
 class EffectSize(Interval):
     """Size of a parameter of an effect: value, ratio to b^k, and the intervals of both.
 
-    k is the power of the inertia b in the parameter. `interval90` contains only the uncertainty of the fit, at the
-    assumed b.
+    k is the power of the inertia b in the parameter. `interval90` contains only the uncertainty of the fit. It is
+    conditional on the assumed b and on the lengths, gravity and measured values of the rig file.
     """
 
     ratio: float | None = None

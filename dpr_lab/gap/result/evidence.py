@@ -103,7 +103,7 @@ class Exclusion(Saved):
     effect: str
     parameter: str
     size: float
-    """Minimum detectable size of the amplitude, SI."""
+    """Minimum detectable size of the amplitude, SI; without `L1_std` in the rig file, for exact L1 and g."""
     estimate: float
     """Estimate of the amplitude from these recordings, with all named effects in the model, SI."""
     confidence: float

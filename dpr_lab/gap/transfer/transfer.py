@@ -37,7 +37,6 @@ from dpr_lab.gap.hypothesis.residuals import ResidualStatistics
 from dpr_lab.gap.result.diagnosis import Basis
 from dpr_lab.gap.result.evidence import Closing
 from dpr_lab.gap.result.saved import Interval
-from dpr_lab.gap.screen.pieces import whole
 from dpr_lab.gap.state import Fitted, Selected
 from dpr_lab.gap.transfer.free_run import FreeRuns
 from dpr_lab.gap.transfer.lone_recording import lone_recording
@@ -110,8 +109,8 @@ def untested(fitted: Fitted, posteriors: Sequence[EffectPosterior]) -> tuple[str
     These are the effects of several parameters, including shapes, if there is only one release of a single rod. The
     pieces of a long recording are one release.
     """
-    releases = {whole(record.run.name) for record in (*fitted.recordings.records, *fitted.held_out.records)}
-    if len(releases) > 1 or not all(setup.alone for setup in fitted.problem.segments.setups):
+    releases = 1 if fitted.division else len(fitted.recordings.records) + len(fitted.held_out.records)
+    if releases > 1 or not all(setup.alone for setup in fitted.problem.segments.setups):
         return ()
     return tuple(p.name for p in posteriors if all(len(EFFECTS[name].parameters) > 1 for name in p.members))
 

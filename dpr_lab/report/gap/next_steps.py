@@ -6,7 +6,6 @@ from dpr_lab.checks.update import likeliest
 from dpr_lab.gap.result.causes import PROBABLE
 from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
-from dpr_lab.gap.screen.pieces import are_pieces
 from dpr_lab.planning.stopping import STOPPING, by_prior, recorded_releases, reservation, undecided, untested_forms
 from dpr_lab.report.gap.check_tables import bits
 from dpr_lab.report.gap.tables import per_reading
@@ -24,7 +23,7 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     likely = " or ".join(named(rival.name) for rival in diagnosis.rivals if rival.probability >= PROBABLE)
     more = f"The recordings neither confirm nor exclude {likely}: record further releases. If these do not confirm it,"
     alone = "One release does not exclude the effects of the library: record further releases. If the gap remains,"
-    one_release = diagnosis.basis == "one release" or are_pieces(diagnosis.gap.closed_held_out.held_out)
+    one_release = recorded_releases(diagnosis) < STOPPING.fewest
     cause = more if likely else alone if one_release else "No effect of the library is the cause:"
     unknown = f"{cause} inspect the rig where the gap is largest, joint by joint."
     if diagnosis.hints:

@@ -88,7 +88,7 @@ async def test_a_warning_is_confirmed_before_the_run_is_used(lab, until, table: 
         assert isinstance(app.screen, TableImport)
         await pilot.press("ctrl+s")
         await until(pilot, lambda: "no table is given" in understood(pilot))
-        await preview(pilot, until, table, "--unit deg")
+        await preview(pilot, until, table, "--unit deg --scale 1")
         assert "deg, absolute, upright is 0" in understood(pilot)
         assert "warning: " in understood(pilot)
         await pilot.press("ctrl+s")

@@ -75,4 +75,4 @@ def unit_questions(table: InterpretedTable) -> list[TableQuestion]:
         f"with these options the rod's acceleration does not follow from gravity and the motion of the arm; it does if"
         f" {subject} in {other} ({' '.join(mend)})"
     )
-    return [TableQuestion(sentence, mend)]
+    return [TableQuestion(sentence, mend, other_unit=True)]
