@@ -23,6 +23,17 @@ damaged on the link. `contradicted`: two values arrived for one tick. `contradic
 complete count of a joint contradicted the samples; none is missing, but some angles before it are wrong. `tick_gap`:
 the sample never arrived. Devices with drives also have the cause `torque`: the torques of the sample never arrived."""
 
+LOSS_WORDS = {
+    "device_overrun": "device too slow",
+    "crc": "damaged on the link",
+    "framing": "incomplete frame",
+    "contradicted": "contradictory values",
+    "contradicted_position": "complete counts that contradict the samples",
+    "tick_gap": "never arrived",
+    "torque": "torques missing",
+}
+"""Description of each cause for readers."""
+
 
 @dataclass(frozen=True, slots=True)
 class FilmNoise:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dpr_lab.report.digits import NONE
+from dpr_lab.run import LOSS_WORDS
 from dpr_lab.storage.reader import TABLES, stored_object
 
 QUANTITIES = {
@@ -49,14 +50,7 @@ QUANTITIES = {
 }
 """Name in the table for each field of `dpr_lab.storage.inspect.RunInfo`."""
 
-PARTS = {
-    "device_overrun": "device too slow",
-    "crc": "damaged on the link",
-    "framing": "incomplete frame",
-    "contradicted": "contradictory values",
-    "contradicted_position": "complete counts that contradict the samples",
-    "tick_gap": "never arrived",
-    "torque": "torques missing",
+PARTS = LOSS_WORDS | {
     "rest_speed": "speed at rest",
     "rest_spread": "scatter at rest",
     "pose": "distance from the pose",

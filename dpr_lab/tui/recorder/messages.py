@@ -137,6 +137,8 @@ class RecorderFailed:
     """What happened and what to do."""
     alive: bool
     """Whether the device is still connected after the error."""
+    unwritten: bool = False
+    """Whether the recording could not be written, for example on a full disk: the operator must act."""
 
 
 RecorderReport: TypeAlias = Connected | Idle | Exercised | AttemptSeen | GoAheadAsked | AttemptFinished | RecorderFailed

@@ -19,7 +19,7 @@ from dpr_lab.acquisition.capture import check_encoders
 from dpr_lab.acquisition.device import Device
 from dpr_lab.acquisition.holding import raise_faults
 from dpr_lab.acquisition.live_speed import LiveSpeed
-from dpr_lab.errors import DeviceLost, DprError
+from dpr_lab.errors import DeviceLost, DprError, RunError
 from dpr_lab.rig import JOINTS, Rig, load_rig
 from dpr_lab.transports import open_transport
 from dpr_lab.transports.transport import Transport
@@ -81,7 +81,8 @@ def _obey(device: Device, rig: Rig, runs: Path, inbox: Inbox, outbox: Outbox) ->
                 outbox.add(carry_out(order, device, rig, runs, inbox, outbox))
         except DprError as error:
             attempt, lost = None if isinstance(order, Exercise) else order.attempt, isinstance(error, DeviceLost)
-            outbox.add(RecorderFailed(attempt, str(error), alive=not lost))
+            unwritten = isinstance(error, RunError)
+            outbox.add(RecorderFailed(attempt, str(error), alive=not lost, unwritten=unwritten))
             if lost:
                 return
 

@@ -94,7 +94,7 @@ of its clock relative to this computer. This test closes the latch and leaves it
                 if (
                     report.alive or self.device.lost is not None or not self.display
                 ):  # other messages are shown on the page
-                    mild = report.alive and self.device.ordered is None
+                    mild = report.alive and self.device.ordered is None and not report.unwritten
                     severity = "warning" if mild else "error"
                     self.notify(report.message, severity=severity, timeout=NOTICES.error_s)
             case _:

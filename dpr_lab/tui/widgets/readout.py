@@ -11,6 +11,7 @@ from dpr_lab.acquisition.settings import QUALITY_LIMITS
 from dpr_lab.arrays import without_turns
 from dpr_lab.report.angles import AngleUnit
 from dpr_lab.rig import Rig
+from dpr_lab.run import LOSS_WORDS
 from dpr_lab.tui.recorder.sighting import Sighting
 
 GOOD, BAD, UNKNOWN = "✔", "✘", "?"
@@ -143,7 +144,7 @@ def lost_text(lost: Mapping[str, int], samples: int | None) -> Content:
 
 def losses(lost: Mapping[str, int], counted: str) -> str:
     """Return a mark and the number of lost samples by cause, after the text `counted`."""
-    causes = ", ".join(f"{n} {cause.replace('_', ' ')}" for cause, n in lost.items() if n)
+    causes = ", ".join(f"{n} {LOSS_WORDS.get(cause, cause)}" for cause, n in lost.items() if n)
     return f"{BAD if causes else GOOD} {counted}{causes or 'none lost'}"
 
 

@@ -14,6 +14,7 @@ from textual.widgets import DataTable, Input, OptionList, Static
 
 from dpr_lab.errors import ConfigError
 from dpr_lab.report.run_names import local_time, recorded
+from dpr_lab.run import LOSS_WORDS
 from dpr_lab.storage.export import EXPORTERS
 from dpr_lab.storage.sidecar import write_note
 from dpr_lab.tui.guard import Guarded
@@ -345,7 +346,7 @@ def _about(known: RunSurveyed) -> str:
     if known.info is None:
         return known.trouble
     info = known.info
-    lost = ", ".join(f"{cause.replace('_', ' ')} {count}" for cause, count in info.lost.items() if count)
+    lost = ", ".join(f"{LOSS_WORDS.get(cause, cause)} {count}" for cause, count in info.lost.items() if count)
     reasons = info.gate if ":" in info.gate else ""  # why the quality gate did not rate the run "ok"
     lines = [
         f"{info.samples} samples at {info.rate_hz:g} Hz, rig {info.rig}, {info.source} {info.url}",

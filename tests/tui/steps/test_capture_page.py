@@ -94,6 +94,19 @@ async def test_a_release_whose_outcome_is_unknown_stays_in_sight(app: DprApp, no
         assert device.ordered is None
 
 
+@pytest.mark.parametrize(("unwritten", "severity"), [(True, "error"), (False, "warning")])
+async def test_a_full_disk_stays_in_sight_until_the_operator_acts(app: DprApp, unwritten: bool, severity: str) -> None:
+    async with app.run_test(size=(80, 24)) as pilot:
+        await pilot.press("3")
+        message = "a.mcap: cannot be written: No space left on device"
+        failed = RecorderFailed(1, message, alive=True, unwritten=unwritten)
+        for step in app.steps:
+            step.hear(failed)
+        await pilot.pause()
+        (notice,) = app.notices
+        assert (notice.severity, notice.message) == (severity, message)
+
+
 async def test_length_and_repeats_are_chosen_by_keys(app: DprApp, until) -> None:
     async with app.run_test(size=(80, 24)) as pilot:
         await pilot.press("3")
