@@ -167,7 +167,7 @@ class Rods(RigTable):
     @model_validator(mode="after")
     def _consistent(self) -> "Rods":
         if self.mounted != "both" and self.elbow == "clamped":
-            raise ValueError(f"one rod alone has no elbow to clamp: mounted is {self.mounted}: set elbow = free")
+            raise ValueError(f"a single rod (mounted = {self.mounted}) has no elbow to clamp: set elbow = free")
         return self
 
     @property

@@ -196,8 +196,8 @@ class Certificate(_Part):
         return self.model_dump_json(indent=1) + "\n"
 
 
-def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
-    """Read a certificate of limited size.
+def load_certificate(path: Path) -> Certificate:
+    """Read a certificate of at most 16 MB.
 
     The certificate of a thousand recordings is smaller than 1 MB.
 
@@ -205,8 +205,8 @@ def load_certificate(path: Path, max_mb: int = 16) -> Certificate:
         RunError: the file cannot be read, is not a certificate, or belongs to another policy.
     """
     try:
-        if regular(path, RunError).stat().st_size > max_mb << 20:
-            raise RunError(f"{path}: is not a certificate: larger than {max_mb} MB")
+        if regular(path, RunError).stat().st_size > 16 << 20:
+            raise RunError(f"{path}: is not a certificate: larger than 16 MB")
         text = path.read_text(encoding="utf-8")
         document = json.loads(text, object_pairs_hook=_without_repeated_keys)
         _refuse_other_policies(path, document)

@@ -23,6 +23,7 @@ from dpr_lab.fitting.estimate import ON_ELBOW, SCALE, UNKNOWN_RATIOS, alone_shar
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.gap.result.saved import Interval
+from dpr_lab.gap.result.subject import refuse_other_subject
 from dpr_lab.identification.model import (
     Covariance,
     EstimatedValue,
@@ -61,9 +62,12 @@ def corrected_model(diagnosis: Diagnosis, runs: Sequence[Run], rig: Rig) -> AnyM
         `MovingArmModel` if the arm of the runs was free or driven, otherwise `Model`; `effects` contains the effects
 
     Raises:
-        RunError: a run belongs to another rig.
+        RunError: a run belongs to another rig, or the diagnosis belongs to other runs.
+        ConfigError: the diagnosis was made with another description of the rig.
     """
     refuse_other_rigs(runs, rig)
+    if diagnosis.evidence is not None:  # None in a file of an older version
+        refuse_other_subject(diagnosis, runs, rig)
     if has_moving_arm(diagnosis):
         return corrected_arm_model(diagnosis, *significant_values(diagnosis), runs, rig)
     return corrected_rods(diagnosis, runs, rig)

@@ -107,7 +107,9 @@ def plan(
         known = replace(known, free_run_rad=tuple(errors.values()), open_limits=undecided)
     objective = Objective.of(known, limits)
     planner = Planner(objective, limits, np.random.default_rng(seed), driven_releases(known.model, limits, rig))
-    most = count or (usual_count(known) if budget_min is None else LENGTH.most)
+    most = count
+    if most is None:
+        most = usual_count(known) if budget_min is None else LENGTH.most
     steps = worthwhile(objective, planner.sequence(most, budget_min) if most else [], limits)
     return summed_up(objective, steps, limits, time.perf_counter() - started)
 

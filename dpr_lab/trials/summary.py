@@ -17,13 +17,14 @@ def share(outcomes: Sequence[TrialOutcome], holds: Callable[[TrialOutcome], bool
     return float(np.mean([holds(outcome) for outcome in outcomes])) if outcomes else float("nan")
 
 
-def reliability(claims: Sequence[Claim], bins: int = 10) -> list[dict[str, float]]:
+def reliability(claims: Sequence[Claim]) -> list[dict[str, float]]:
     """Compute the reliability table, one row per bin of stated probability.
 
-    The bins have equal width. A row contains the number of claims, their mean probability `stated`, the share `true` of
-    true claims, and its 90 % interval from `low` to `high`. Empty bins have no row.
+    The ten bins have equal width. A row contains the number of claims, their mean probability `stated`, the share
+    `true` of true claims, and its 90 % interval from `low` to `high`. Empty bins have no row.
     """
     table: list[dict[str, float]] = []
+    bins = 10
     bin_of = np.minimum((np.array([claim.probability for claim in claims]) * bins).astype(int), bins - 1)
     for number in range(bins):
         inside = [claim for claim, bin_number in zip(claims, bin_of, strict=True) if bin_number == number]

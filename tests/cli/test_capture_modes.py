@@ -37,7 +37,7 @@ def test_modes_that_a_rig_cannot_have_say_what_is_missing() -> None:
         with_options(furuta, inner="prescribed")
     with pytest.raises(ConfigError, match="--rods inner: a prescribed inner rod needs an outer rod"):
         with_options(with_options(paper, inner="prescribed"), rods="inner")
-    with pytest.raises(ConfigError, match=r"--rods inner: one rod alone .*: mounted is inner: set elbow = free"):
+    with pytest.raises(ConfigError, match=r"--rods inner: a single rod \(mounted = inner\) .*: set elbow = free"):
         with_options(paper.with_rods(elbow="clamped"), rods="inner")
     text = "\n".join(line for line in paper.path.read_text().splitlines() if not line.startswith("L0"))
     with pytest.raises(ConfigError, match="--rods both --arm free: a free arm needs its length L0"):

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from dpr_lab.dynamics.base import RATIOS, whole_parameters
+from dpr_lab.errors import ConfigError, RunError
 from dpr_lab.estimation.noise import NORMAL_Q90
 from dpr_lab.exports.corrected import corrected_arm_model, corrected_model
 from dpr_lab.fitting.estimate import unknown_ratios
 from dpr_lab.gap.result.diagnosis import Diagnosis
+from dpr_lab.gap.result.evidence import Evidence
 from dpr_lab.gap.result.gap_size import Gap
 from dpr_lab.gap.result.saved import Interval
 from dpr_lab.identification.model import Model
@@ -18,6 +20,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.rig import Rig, load_rig
 from dpr_lab.rig_tables import AddedMass, ArmMode
 from dpr_lab.run import Run
+from tests.one_cause import one_cause
 
 NOISE = np.array([3e-3, 2e-3, 1e-3])
 """Noise of a reading of joints 0, 1 and 2, rad, at 1 kHz; a diagnosis averages five readings."""
@@ -58,6 +61,16 @@ def test_a_clamped_arm_has_the_noise_of_a_single_reading(paper: Rig) -> None:
     relative = paper.encoders.joint2 == "relative"
     expected = {"theta1": NOISE[1], "theta2": np.hypot(NOISE[1] * relative, NOISE[2])}
     assert fit.noise_rad == pytest.approx(expected, rel=0.1)
+
+
+def test_a_diagnosis_of_another_rig_file_has_no_corrected_model(paper: Rig) -> None:
+    evidence = Evidence.model_construct(rig="paper", rig_sha256="1", rig_values_sha256="2", recordings=[])
+    diagnosis = one_cause().model_copy(update={"evidence": evidence})
+    run = recorded(paper, "clamped")
+    with pytest.raises(ConfigError, match="the diagnosis was made with another file of rig paper"):
+        corrected_model(diagnosis, [replace(run, name=name) for name in ("X1", "X2", "X3")], paper)
+    with pytest.raises(RunError, match="is a diagnosis of X1, X2 and X3, not of swing"):
+        corrected_model(diagnosis, [run], paper)
 
 
 def test_absolute_values_of_a_clamped_arm_have_the_inertia_that_the_recordings_determine(paper: Rig) -> None:

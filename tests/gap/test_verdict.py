@@ -319,7 +319,7 @@ def test_the_sentence_without_a_gap_states_the_worst_free_run() -> None:
         description=Fake(hint="", withholds=False), selection=Fake(bare=Fake(residuals=NOISE, at_noise_floor=True))
     )
     words = sentence("no_gap", state, (10, 10), Budget.model_construct(runs=[free_run(0.00182), free_run(0.1, 1.8)]))
-    limit = "has an error of 1.8 mrad rms, below the limit of 4 times its uncertainty (1 mrad from parameters, initial"
+    limit = "1.8 mrad rms in the first 2 s, below the limit of 4 times its uncertainty (1 mrad from parameters, initial"
     assert limit in words
     assert sentence("no_gap", state, (10, 10), Budget.model_construct(runs=[])).endswith(
         "No free run is long and predictable enough for a test."

@@ -66,6 +66,7 @@ def test_without_a_budget_recordings_are_long_and_with_one_their_time_counts(pap
 
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_plan(paper: Rig) -> None:
+    assert plan(paper, limits=limits(), count=0).releases == []
     first, second = (plan(paper, limits=limits(), count=1, seed=4) for _ in range(2))
     assert first.releases == second.releases
 

@@ -190,8 +190,9 @@ def _free_run(budget: Budget) -> str:
     error, uncertainty = (_rounded(1e3 * value) for value in (run.error_before_rad, run.u_before_rad))
     side = "above" if run.shows_gap else "below"
     return (
-        f"The free run of {run.run} has an error of {error} mrad rms, {side} the limit of {FREE_RUN_TEST.coverage:g}"
-        f" times its uncertainty ({uncertainty} mrad from parameters, initial state, inputs and noise)."
+        f"The free run of {run.run} has an error of {error} mrad rms in the first {run.until_s:.2g} s, {side} the limit"
+        f" of {FREE_RUN_TEST.coverage:g} times its uncertainty ({uncertainty} mrad from parameters, initial"
+        " state, inputs and noise)."
     )
 
 

@@ -40,7 +40,8 @@ STANDING_NOTE = (
 CLOSED_NOTE = (
     "Gap reduction: relative decrease of the rms above the noise. Each run is predicted from the other runs (a single"
     " run: each quarter from the other quarters). Free run: rms error over 2.6 s, even beyond the predictability"
-    " horizon, from an initial state fitted to the first 0.3 s. Bare model: rods with viscous friction, no effects."
+    " horizon, from an initial state fitted to the first 0.3 s. The verdict and the uncertainty budget state the error"
+    " up to the horizon. Bare model: rods with viscous friction, no effects."
 )
 
 ALONE = "none"

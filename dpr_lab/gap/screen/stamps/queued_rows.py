@@ -36,7 +36,7 @@ class QueueSettings:
     """
     turns: int = 2
     """Minimum number of turning points that are followed by a series of single counts."""
-    most_turns: float = 0.5
+    share_of_turns: float = 0.5
     """Minimum fraction of turning points that are followed by a series.
 
     Noise of the readings causes further turning points.
@@ -109,7 +109,7 @@ def queued_rows(t: Array, joints: Array) -> QueuedRows | None:
         for turn in turns[(turns >= first) & (turns + QUEUE.series <= last)][:1].tolist()
         if (changes[turn : turn + QUEUE.series] == changes[turn]).all()
     ]
-    if len(waited) < max(QUEUE.turns, QUEUE.most_turns * len(turns)):
+    if len(waited) < max(QUEUE.turns, QUEUE.share_of_turns * len(turns)):
         return None
     rows = np.zeros(len(t), dtype=np.bool_)
     for first, last in single[np.diff(single, axis=1)[:, 0] >= QUEUE.excluded]:
