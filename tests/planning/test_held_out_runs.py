@@ -15,6 +15,7 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.planning import knowledge
 from dpr_lab.planning.information import PresentModel
 from dpr_lab.planning.knowledge import known_after, schur_complement
+from dpr_lab.planning.stopping import recorded_releases
 from dpr_lab.rig import Rig
 from dpr_lab.run import Run
 from tests.one_cause import of_runs, one_cause
@@ -73,3 +74,13 @@ def test_the_scale_is_as_uncertain_as_in_the_diagnosis(
     others = [i for i in known.fitted if i != SCALE]
     of_b = schur_complement(known.information, others, [SCALE])
     assert b * float(of_b[0, 0]) ** 0.5 == pytest.approx(1.645 / np.log(factor), rel=1e-3)
+
+
+def test_two_files_that_are_named_like_pieces_are_two_releases() -> None:
+    diagnosis = of_runs(one_cause(), "P1 0-10 s", "P1 10-20 s")
+    assert recorded_releases(diagnosis) == 1
+    assert diagnosis.evidence is not None
+    first, second = diagnosis.evidence.recordings
+    files = [first.model_copy(update={"sha256": "a"}), second.model_copy(update={"sha256": "b"})]
+    films = diagnosis.model_copy(update={"evidence": Evidence.model_construct(recordings=files)})
+    assert recorded_releases(films) == 2

@@ -11,7 +11,7 @@ import pytest
 from dpr_lab.gap.conclusion.causes import to_rule_out
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.result.diagnosis import UNCERTAIN
-from dpr_lab.gap.result.evidence import Evidence, Exclusion
+from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.gap.result.posterior import PosteriorComponent
 from dpr_lab.planning.forecast import FORECAST
 from dpr_lab.planning.information import informed
@@ -21,16 +21,7 @@ from dpr_lab.planning.plan import usual_count, worthwhile
 from dpr_lab.planning.release import CandidateRelease
 from dpr_lab.planning.result import Inseparable, PairBits, PlannedRelease
 from dpr_lab.planning.sequence import Planner, SequenceStep
-from dpr_lab.planning.stopping import (
-    Causes,
-    causes_of,
-    decided,
-    possible,
-    recorded_releases,
-    reservation,
-    significance,
-    undecided,
-)
+from dpr_lab.planning.stopping import Causes, causes_of, decided, possible, reservation, significance, undecided
 from dpr_lab.planning.summary import (
     NOTICEABLE,
     inseparable,
@@ -60,16 +51,6 @@ from tests.one_cause import of_runs, one_cause
 )
 def test_one_release_decides_a_cause_with_a_margin(sizes: float, runs: list[str], expected: bool) -> None:
     assert decided(of_runs(one_cause(sizes), *runs)) is expected
-
-
-def test_two_files_that_are_named_like_pieces_are_two_releases() -> None:
-    diagnosis = of_runs(one_cause(), "P1 0-10 s", "P1 10-20 s")
-    assert recorded_releases(diagnosis) == 1
-    assert diagnosis.evidence is not None
-    first, second = diagnosis.evidence.recordings
-    files = [first.model_copy(update={"sha256": "a"}), second.model_copy(update={"sha256": "b"})]
-    films = diagnosis.model_copy(update={"evidence": Evidence.model_construct(recordings=files)})
-    assert recorded_releases(films) == 2
 
 
 @pytest.mark.parametrize(("correlation", "expected"), [(0.99, True), (0.0, False)])

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dpr_lab.errors import RunError
 from dpr_lab.rig import Rig, load_rig
-from dpr_lab.storage.csv_import import ImportOptions
+from dpr_lab.storage.csv_import import ImportOptions, import_csv
 from dpr_lab.storage.tables.understand import understand
-from tests.storage.test_rod_alone import table
+from tests.storage.test_rod_alone import friction_swing, table
 
 T = np.arange(0, 16, 0.04)
 
@@ -141,3 +142,16 @@ def test_radians_are_not_taken_for_degrees(
     tmp_path: Path, one: Rig, readings: np.ndarray, options: ImportOptions, name: str
 ) -> None:
     assert not asked_for_degrees(tmp_path, one, readings, options, name)
+
+
+@pytest.mark.parametrize("stated", [None, "rad"])
+def test_a_table_in_degrees_is_not_imported_as_radians(one: Rig, tmp_path: Path, stated: str | None) -> None:
+    file = table(tmp_path, "t,theta1", friction_swing(one) * [1.0, 180 / np.pi])
+    options = ImportOptions(zero="hanging", unit=stated)  # pyright: ignore[reportArgumentType]
+    for out in (None, tmp_path / "a.mcap"):
+        with pytest.raises(RunError, match=r"\(--unit deg\)\. If the angles are in rad nevertheless, add --scale 1"):
+            import_csv(file, one, options, out)
+    assert not (tmp_path / "a.mcap").exists()
+    forced = import_csv(file, one, replace(options, scale={"theta1": 1.0}))
+    assert any("--unit deg" in note for note in forced.notes)
+    assert import_csv(file, one, replace(options, unit="deg")).notes == ()

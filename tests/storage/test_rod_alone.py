@@ -1,7 +1,6 @@
 """A single rod through rig file, import and run file."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -152,19 +151,6 @@ def test_a_wrong_reading_of_one_rod_is_questioned(
 ) -> None:
     file = table(tmp_path, "t,theta1", friction_swing(one) * [1.0, scale] + [0.0, added])
     assert " ".join(understand(file, one, ImportOptions(zero="hanging")).mend).startswith(mend)
-
-
-@pytest.mark.parametrize("stated", [None, "rad"])
-def test_a_table_in_degrees_is_not_imported_as_radians(one: Rig, tmp_path: Path, stated: str | None) -> None:
-    file = table(tmp_path, "t,theta1", friction_swing(one) * [1.0, 180 / np.pi])
-    options = ImportOptions(zero="hanging", unit=stated)  # pyright: ignore[reportArgumentType]
-    for out in (None, tmp_path / "a.mcap"):
-        with pytest.raises(RunError, match=r"\(--unit deg\)\. If the angles are in rad nevertheless, add --scale 1"):
-            import_csv(file, one, options, out)
-    assert not (tmp_path / "a.mcap").exists()
-    forced = import_csv(file, one, replace(options, scale={"theta1": 1.0}))
-    assert any("--unit deg" in note for note in forced.notes)
-    assert import_csv(file, one, replace(options, unit="deg")).notes == ()
 
 
 def test_a_zero_error_that_a_diagnosis_fits_is_not_questioned(one: Rig, tmp_path: Path) -> None:
