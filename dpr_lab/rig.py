@@ -375,8 +375,10 @@ def parse_rig(text: str) -> Rig:
 def _refuse_impossible_masses(rig: Rig, source: str) -> None:
     """Refuse masses that no rod of this length can have; stored runs are exempt, so that they stay readable."""
     lengths = {"m1": (rig.L1, "l1"), "m2": (rig.L2 or 0.0, "l2"), "mb": (rig.L1, "l1")}
+    missing = {"inner": ("m2",), "outer": ("m1", "mb")}.get(rig.rods.mounted, ())
     faults = {}
-    for name, (length, centroid) in lengths.items():
+    for name in [name for name in lengths if name not in missing]:
+        length, centroid = lengths[name]
         mass = rig.parameters[name].measured or rig.parameters[name].nominal
         longest = max(length, 2 * rig.parameters[centroid].nominal)
         if mass > (most := rig.rig.MOST_KG_PER_M * longest):

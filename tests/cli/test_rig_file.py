@@ -116,8 +116,10 @@ ONE = ("--name", "qube", "--rods", "inner", "--l1", "0.129", "--m1", "0.024")
 
 
 def test_a_single_rod_is_checked_without_the_missing_one(cli, tmp_path: Path) -> None:
-    heavy = ("--name", "p", "--rods", "inner", "--l1", "0.4", "--m1", "150", "--out", "p.toml")
-    assert cli("rig", "new", *heavy, cwd=tmp_path).code == 0
+    heavy = ("--name", "p", "--rods", "inner", "--l1", "0.4", "--out", "p.toml", "--m1")
+    refused = cli("rig", "new", *heavy, "150", cwd=tmp_path)
+    assert (refused.code, refused.err.count("give masses in kg")) == (3, 1)
+    assert cli("rig", "new", *heavy, "15", cwd=tmp_path).code == 0
     findings = cli("rig", "check", "p.toml", "--json", cwd=tmp_path).json["findings"]
     assert [(finding["state"], finding["key"]) for finding in findings] == [
         ("missing", "parameters"),
