@@ -235,9 +235,11 @@ def test_a_table_that_was_imported_twice_is_one_recording() -> None:
     run = Run("side", t, np.outer(np.sin(t), [0.0, 1.0, 1.0]), None, None, "paper", "", 200.0, sha256="1")
     again = replace(run, name="side-2", file=Path("side-2.mcap"), sha256="2", notes=("imported again",))
     message = "side-2.mcap: is the same recording as side; it was given twice: give each run once"
-    for function in (dpr.identify, dpr.diagnose):
+    for function in (dpr.identify, dpr.identifiability, dpr.diagnose):
         with pytest.raises(dpr.DprError, match=message):
             function([run, again], rig)
+    with pytest.raises(dpr.DprError, match=message):
+        dpr.plan(rig, [run, again])
     with pytest.raises(dpr.DprError, match=message):
         dpr.diagnose(run, rig, held_out=again)
 

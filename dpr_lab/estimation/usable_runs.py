@@ -40,6 +40,18 @@ def long_gap(t: Array) -> tuple[int, str]:
     return 0, ""
 
 
+def refuse_unusable(runs: Sequence[Run], rig: Rig) -> None:
+    """Check that no run is given twice, belongs to another rig, or has a long interruption.
+
+    Raises:
+        RunError: a run is given twice or names another rig, or `rig` is the name or path of a rig file.
+        IdentificationError: a run has an interruption that is too long.
+    """
+    refuse_repeated(runs)
+    refuse_other_rigs(runs, rig)
+    refuse_long_gaps(runs)
+
+
 def refuse_long_gaps(runs: Iterable[Run]) -> None:
     """Check that no run has an interruption after the release that is too long to predict the motion.
 

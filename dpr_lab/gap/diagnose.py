@@ -11,7 +11,7 @@ from dpr_lab.effects.effect import Effect
 from dpr_lab.effects.families import expected_of
 from dpr_lab.errors import RunError
 from dpr_lab.estimation.motion import refuse_without_motion
-from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs, refuse_repeated
+from dpr_lab.estimation.usable_runs import refuse_unusable
 from dpr_lab.gap.advice.advise import advise
 from dpr_lab.gap.bare_model import fit_bare_model, nominal_ratios
 from dpr_lab.gap.classes.posterior import effect_posterior
@@ -83,9 +83,7 @@ def diagnose(
     started = time.perf_counter()
     to_fit = as_runs(runs)
     named = with_distinct_names([*to_fit, *as_runs(held_out)])
-    refuse_repeated(named)
-    refuse_other_rigs(named, rig)
-    refuse_long_gaps(named)
+    refuse_unusable(named, rig)
     request = Request(
         runs=named[: len(to_fit)],
         held_out=named[len(to_fit) :],

@@ -9,7 +9,7 @@ import numpy as np
 
 from dpr_lab.arrays import Array
 from dpr_lab.errors import ConfigError, IdentificationError, RunError, refuse_unknown
-from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs, refuse_repeated
+from dpr_lab.estimation.usable_runs import refuse_unusable
 from dpr_lab.fitting.estimate import SCALE
 from dpr_lab.identification.expected import mounted_releases
 from dpr_lab.identification.identifiability import Identifiability
@@ -87,9 +87,7 @@ def identify(
     Source: docs/theory.md, section 2 (search), 5 (multiple shooting), 11 and 12 (parameters from ratios).
     """
     runs = as_runs(runs)
-    refuse_repeated(runs)
-    refuse_other_rigs(runs, rig)
-    refuse_long_gaps(runs)
+    refuse_unusable(runs, rig)
     if has_arm_model(runs, rig):
         if on_polish:
             on_polish()
@@ -191,15 +189,14 @@ def identifiability(
     Raises:
         ConfigError: there are neither runs nor poses; or a joint of the rig is prescribed, and there are no runs that
             contain its motion.
-        RunError: a run cannot be used, or belongs to another rig.
+        RunError: a run is given twice, cannot be used, or belongs to another rig.
         IdentificationError: a run has a gap that is too long, or the fitted values are physically impossible or cannot
             be simulated.
 
     Source: docs/theory.md, sections 3 and 16.
     """
     tell, runs = tell or (lambda sentence: None), as_runs(runs)
-    refuse_other_rigs(runs, rig)
-    refuse_long_gaps(runs)
+    refuse_unusable(runs, rig)
     if moves(runs) or (not runs and rig.arm.mode in ("free", "driven")):
         return identifiability_of_arm(runs, rig)
     if not runs:

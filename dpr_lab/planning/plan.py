@@ -10,7 +10,7 @@ from dpr_lab.acceptance.free_run import free_run_errors
 from dpr_lab.acceptance.gain import with_gain
 from dpr_lab.acceptance.judge import judge
 from dpr_lab.errors import ConfigError
-from dpr_lab.estimation.usable_runs import refuse_long_gaps, refuse_other_rigs
+from dpr_lab.estimation.usable_runs import refuse_unusable
 from dpr_lab.gap.diagnose import diagnose
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.subject import refuse_other_subject
@@ -80,13 +80,13 @@ def plan(
     Raises:
         ConfigError: the budget is too small for one release, or no pose can be reached; or the diagnosis was made with
             another description of the rig.
-        RunError: a run cannot be used, or belongs to another rig, or the diagnosis belongs to other runs.
+        RunError: a run is given twice, cannot be used, or belongs to another rig; or the diagnosis belongs to other
+            runs.
 
     Source: docs/theory.md, section 15.
     """
     limits, runs = limits or PlanLimits(), as_runs(runs)
-    refuse_other_rigs(runs, rig)
-    refuse_long_gaps(runs)
+    refuse_unusable(runs, rig)
     if budget_min is not None and budget_min < (least := cheapest_minutes(rig, limits)):
         raise ConfigError(
             f"a budget of {budget_min:.2g} min is too small: one release takes {least:.2g} min (place, release and"
