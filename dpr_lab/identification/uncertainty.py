@@ -48,13 +48,13 @@ class RatioUncertainty:
     """
     blocks: int
     """Number of blocks of residuals."""
-    names: tuple[str, ...] = UNKNOWN_RATIOS
+    names: tuple[str, ...]
     """Names of the unknowns."""
-    prior: Array | None = None
-    """(n, n) information of the rig file on the unknowns; None if there is no prior."""
-    assumed: Array | float = 0.0
+    prior: Array
+    """(n, n) information of the rig file on the unknowns."""
+    assumed: Array
     """(n, n) additional covariance due to ratios that the runs do not determine and that come from the rig file."""
-    unconstrained: Array | None = None
+    unconstrained: Array
     """(n, 2) unconstrained estimate and standard deviation of each unknown at its bound; zero for all others.
 
     The unknowns inside their bounds are refitted.
@@ -91,8 +91,7 @@ class RatioUncertainty:
         The unknown is treated as free, even if it is fixed at zero.
         """
         released = np.flatnonzero((self.values > 0) | (np.arange(len(self.values)) == place))
-        information = self.information if self.prior is None else self.information + self.prior
-        variance = np.diag(np.linalg.inv(information[np.ix_(released, released)]))
+        variance = np.diag(np.linalg.inv((self.information + self.prior)[np.ix_(released, released)]))
         return float(variance[np.searchsorted(released, place)] ** 0.5)
 
     @property
@@ -101,8 +100,6 @@ class RatioUncertainty:
 
         The runs add no information on an unknown whose ratio is near 1.
         """
-        if self.prior is None:
-            return np.zeros(len(self.values))
         return np.minimum(np.diag(self.covariance) / np.diag(np.linalg.inv(self.prior)), 1.0)
 
     @property
@@ -112,8 +109,6 @@ class RatioUncertainty:
         Coordinates are chosen in which the prior has unit covariance. A variance v from runs and prior together then
         corresponds to the variance v / (1 - v) from the runs alone.
         """
-        if self.prior is None:
-            return self.covariance
         root = np.linalg.cholesky(self.prior)
         share, directions = np.linalg.eigh(root.T @ self.covariance @ root)
         alone = share / (1.0 - np.clip(share, 0.0, 1.0 - 1e-6))
@@ -128,7 +123,7 @@ class RatioUncertainty:
         one-sided: it contains 90 % of the positive part of the distribution around the unconstrained estimate.
         """
         freedom = max(self.blocks - len(self.values), 1)
-        if self.unconstrained is not None and self.values[index] <= 0.0:
+        if self.values[index] <= 0.0:
             estimate, std = self.unconstrained[index]
             beyond = max(0.1 * float(stdtr(freedom, estimate / std)), np.finfo(float).tiny)
             return 0.0, max(float(estimate - std * stdtrit(freedom, beyond)), 0.0)

@@ -1,5 +1,6 @@
 """Intervals and covariances of fitted ratios, compared with formulas and examples calculated by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -7,6 +8,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
+from dpr_lab.fitting.estimate import UNKNOWN_RATIOS
 from dpr_lab.identification import uncertainty
 from dpr_lab.identification.ratio_fit import RatioFit
 from dpr_lab.identification.uncertainty import RatioUncertainty
@@ -18,9 +20,15 @@ T3, T2, T1 = 2.353363, 2.919986, 6.313752
 
 def of(values, variances, **others) -> RatioUncertainty:
     """Uncertainty with a diagonal covariance."""
-    return RatioUncertainty(
-        np.array(values), others.pop("information", np.eye(len(values))), np.diag(variances), **others
-    )
+    n = len(values)
+    without = {
+        "information": np.eye(n),
+        "names": UNKNOWN_RATIOS[:n],
+        "prior": np.zeros((n, n)),
+        "assumed": np.zeros((n, n)),
+        "unconstrained": np.zeros((n, 2)),
+    }
+    return RatioUncertainty(values=np.array(values), covariance=np.diag(variances), **(without | others))
 
 
 @pytest.mark.parametrize(("blocks", "quantile"), [(5, T3), (4, T2), (3, T1), (1, T1)])
@@ -70,10 +78,10 @@ def test_zeros_of_encoders_count_as_fitted_values_and_initial_states_have_their_
 
 def test_the_covariance_of_the_runs_is_the_one_without_the_prior() -> None:
     runs, prior = np.array([[5.0, 2.0], [2.0, 3.0]]), np.array([[2.0, 0.5], [0.5, 1.0]])
-    both = RatioUncertainty(np.ones(2), runs, np.linalg.inv(runs + prior), 9, prior=prior)
+    both = replace(of([1.0, 1.0], [1.0, 1.0], blocks=9, prior=prior), covariance=np.linalg.inv(runs + prior))
     assert both.of_runs == pytest.approx(np.linalg.inv(runs))
     assert both.of_prior == pytest.approx(np.diag(both.covariance) / [1.0 / 1.75, 2.0 / 1.75])
-    unseen = RatioUncertainty(np.ones(2), 0 * runs, np.linalg.inv(prior), 9, prior=prior)
+    unseen = replace(both, covariance=np.linalg.inv(prior))
     assert unseen.of_prior == pytest.approx([1.0, 1.0])
     assert np.sqrt(np.diag(unseen.of_runs)) == pytest.approx(1000 * np.sqrt(np.diag(unseen.covariance)), rel=1e-3)
 

@@ -113,7 +113,8 @@ def _changes(
         change: change of an input by one standard uncertainty, or of the integrator
 
     Returns:
-        (n, 2) change of the predicted readings of each free run, rad, and the factor (1 + |c'|^2 / f)^-1/2
+        (n, 2) change of the predicted readings of each free run, rad, and the factor by which the recordings reduce the
+        standard uncertainty
     """
     fit = model.fit
     other = change(problem).predict(fit.estimate)

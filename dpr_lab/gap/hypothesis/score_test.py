@@ -73,7 +73,7 @@ class ScoreTest:
         return tuple(range(len(self.fit.free)))
 
     def best_score(self, effect: str) -> Score | None:
-        """Return the best score of one effect, or None."""
+        """Return the best score of one effect; None if no shape of it was tested."""
         return self.shaped[effect][0] if effect in self.shaped else None
 
     def absorbs(self, effect: Effect, by: Effect) -> bool:
