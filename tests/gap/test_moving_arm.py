@@ -23,6 +23,7 @@ from sim_device.options import Options
 from sim_device.trials.offline_recorder import record
 from sim_device.trials.trial import drawn_trial
 from tests.arm_engine import drawn_plant, recorded, rig_of, swing
+from tests.identification import test_moving_arm_fit as swings
 from tests.thinned import candidates
 
 LARGEST = 0.12
@@ -140,6 +141,18 @@ def test_reversed_rods_of_an_arm_with_a_strong_cable_are_named_and_not_its_input
     _, rig, runs = case("spring_joint0", "driven", seconds=2.0)
     with pytest.raises(IdentificationError, match=r"sign of the rods is opposite .* --scale theta1=-1"):
         diagnose([replace(run, theta=run.theta * [1.0, -1.0, -1.0]) for run in runs], rig)
+
+
+@pytest.mark.slow
+def test_a_correct_recording_of_less_than_half_a_second_is_not_refused():
+    """A fit of all values from the states of the readings ends in another minimum, with a gain that is twice as large.
+
+    There the opposite sign of the arm reduces chi-square by a factor of 25.
+    """
+    rng, rig = np.random.default_rng(3), swings.rig_with("driven", "torque")
+    Z, arm, start = swings.drawn(rng, rig)
+    run = swings.recorded(rig, Z, arm, start, swings.PUSH, swings.PUSH, rng)
+    assert diagnose([run.between(0.0, 0.4)], rig).verdict == "inconclusive"
 
 
 def prescribed(seconds=3.0, noise=2e-4, friction=0.0):

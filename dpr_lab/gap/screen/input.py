@@ -113,7 +113,8 @@ def _refuse_other_modes(recordings: Recordings) -> None:
 def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ()) -> Interpreted:
     """Fit ratios, the gain of a driven arm, and the given effects to short segments.
 
-    The initial gain is that of the unit of the input with the smallest chi-square.
+    The initial gain is that of the unit of the input with the smallest chi-square. The initial states are fitted first,
+    because a fit of all values from the states of the readings can end in another minimum.
     """
     problem, initial = recordings.cut(LENGTHS.first)
     estimate = Estimate.of(start, recordings.start_params, initial)
@@ -123,6 +124,7 @@ def _fitted(recordings: Recordings, start: Array, effects: tuple[str, ...] = ())
         params = np.tile(estimate.params, (len(exponents), 1))
         params[:, GAIN_EXCESS] = np.power(10.0, exponents) - 1.0
         estimate = min((estimate.changed(params=of_unit) for of_unit in params), key=problem.chi2)
+    estimate = fit(problem, estimate, (), iterations=5).estimate
     fitted = fit(problem, estimate, free_parameters(estimate, effects, problem))
     gain = 1.0 + float(fitted.estimate.params[GAIN_EXCESS])
     gain = gain if nominal_gain(recordings.rig) else float(np.sign(gain))
