@@ -34,8 +34,8 @@ def test_points_of_tracker(tmp_path: Path) -> None:
     run = read(file)
     assert is_the_swing(run, atol=1e-6)
     assert any("pivot = (centre of the circle of mass A), elbow = mass A, tip = mass B" in note for note in run.notes)
-    with pytest.raises(RunError, match="angles from points are absolute"):
-        read(file, zero="hanging")
+    with pytest.raises(RunError, match="upright is 0, in rad: remove --angles relative and --zero hanging"):
+        read(file, angles="relative", zero="hanging")
 
 
 def test_points_of_tracker_without_names_are_numbered(tmp_path: Path) -> None:

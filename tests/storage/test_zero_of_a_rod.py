@@ -67,3 +67,16 @@ def test_a_proposed_zero_has_an_uncertainty_that_the_fit_may_correct(
     fit = "the fit corrects them"
     ending = fit if rezeroed else f"with rezeroed = true in [encoders] of the rig file, {fit}"
     assert doubt.sentence.endswith(f"Proposed zeros are uncertain by about {uncertain}: {ending}")
+
+
+def test_a_camera_turned_by_eight_degrees_is_named_if_the_swing_is_as_small(one: Rig, tmp_path: Path) -> None:
+    """The zero error exceeds the errors that the energy test admits, but not the limit for a proposed correction."""
+    t = np.arange(0, 8, 1 / 30)
+    angle = 0.14 + 0.15 * np.exp(-0.02 * t) * np.cos(6.7 * t)
+    x, y = 900 * np.sin(angle), 900 * np.cos(angle)
+    noisy = np.stack([x, y], 1) + np.random.default_rng(5).normal(0, 2, (len(t), 2))
+    file = table(tmp_path, "t,x,y", t, np.round(noisy))
+    (named,) = [q.sentence for q in understand(file, one, ImportOptions()).questions if "camera is turned" in q.sentence]
+    offset = float(named.rpartition("--offset ")[2].rstrip(")"))
+    assert abs(offset) == pytest.approx(0.14, abs=0.02)
+    assert not understand(file, one, ImportOptions(offset={"theta1": offset})).questions

@@ -299,11 +299,11 @@ def _cut_notes(t: Array, part: FreePart, fault: str) -> list[str]:
 
 
 def _refuse_conventions(table: Table, options: ImportOptions) -> None:
-    stated = (options.unit, options.angles, options.zero)
-    if table.settled and stated != ("rad", "absolute", "upright"):
+    stated = {"--unit": options.unit, "--angles": options.angles, "--zero": options.zero}
+    other = [f"{name} {value}" for name, value in stated.items() if value not in ("rad", "absolute", "upright")]
+    if table.settled and other:
         raise RunError(
-            f"{table.path}: angles from points are absolute, upright is 0, in rad: remove the options that"
-            f" contradict this"
+            f"{table.path}: angles from points are absolute, upright is 0, in rad: remove {' and '.join(other)}"
         )
 
 

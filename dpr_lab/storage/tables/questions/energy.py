@@ -106,7 +106,7 @@ def _nearest(read: InterpretedTable, residual: float) -> str:
     The result is the end of a sentence; it is empty if there is no such interpretation. This interpretation is not
     proposed as a correction, because it does not conserve the energy either.
     """
-    turned = _turned(read)
+    turned = _turned(read, ENERGY.zero_error_rad)  # the residual already includes smaller errors of the zero
     others = (
         other for other in other_interpretations(read) if other.mend and (not turned or other.scale == (1.0, 1.0))
     )
@@ -152,16 +152,16 @@ def _explained_part(table: InterpretedTable) -> str:
     return ""
 
 
-def _turned(read: InterpretedTable) -> list[Interpretation]:
+def _turned(read: InterpretedTable, least_rad: float = READ.wrong_zero_rad) -> list[Interpretation]:
     """Return an interpretation in which a single free rod hangs at an angle other than 0 or half a turn.
 
-    The list is empty if the rod does not hang at such an angle. If it hangs at 90 degrees of the table, the doubled
+    The list is empty if the rod hangs within `least_rad` of 0 or half a turn. If it hangs at 90 degrees of the table, the doubled
     angles also look like an energy-conserving swing about the hanging position.
     """
     if read.torques is not None or read.drive or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
     added = energy_zeros(read.t, read.rods(read.values, read.options), read.rig)
-    if added is None or abs(math.sin(added[0])) < math.sin(READ.wrong_zero_rad):
+    if added is None or abs(math.sin(added[0])) < math.sin(least_rad):
         return []
     cause = "the camera is turned, or a constant torque deflects the hanging rod"
     return [replace(with_zeros(read, added), causes=(cause,))]
