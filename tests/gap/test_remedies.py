@@ -49,6 +49,14 @@ def test_in_a_film_a_base_tilt_may_be_a_turned_camera(named):
     assert of_camera([named("coulomb_joint1")]) == ([], [])
 
 
+def test_in_a_film_a_drift_of_an_encoder_may_be_a_camera_that_is_not_fixed(named):
+    (warning,), (check,) = of_camera([named("encoder_drift_joint1"), named("coulomb_joint1")])
+    assert "camera that is not fixed has the same signature as encoder_drift_joint1: check the camera first" in warning
+    assert "mark" in check
+    warnings, _ = of_camera([named("base_tilt", "encoder_offset_joint1"), named("encoder_drift_joint2")])
+    assert len(warnings) == 2
+
+
 @pytest.mark.parametrize(("excess", "usual"), [(-0.0242, True), (-0.05, False), (0.0012, False)])
 def test_a_usual_resolution_near_the_fitted_one_is_named(named, paper: Rig, excess: float, usual: bool):
     rig = rig_constants(paper)._replace(counts_per_rev1=4096.0)

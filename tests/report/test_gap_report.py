@@ -143,9 +143,10 @@ def test_a_recording_precedes_a_measurement_with_as_much_information(diagnosis):
     assert "[check 2-ab, expected information at most 0.70 bits; or" in next_steps(measured)[0]
 
 
-def test_advice_of_a_file_without_checks_is_shown(diagnosis):
+def test_advice_that_is_no_check_is_shown_first(diagnosis):
     steps = next_steps(diagnosis(verdict="named", checks=[], advice=["Record a release for coulomb_joint1."]))
     assert steps == [f"Record a release for {COULOMB}."]
+    assert next_steps(diagnosis(advice=["Film a plumb line.", "Record a release."]))[0] == "Film a plumb line."
 
 
 @pytest.mark.parametrize(

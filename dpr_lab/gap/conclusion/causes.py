@@ -9,6 +9,7 @@ import numpy as np
 from dpr_lab.effects import EFFECTS, named_params
 from dpr_lab.effects.base_tilt import BASE_TILT
 from dpr_lab.effects.effect import Effect, Params
+from dpr_lab.effects.encoder_drift import ENCODER_DRIFT
 from dpr_lab.effects.families import FAMILIES
 from dpr_lab.effects.quantities import RigConstants
 from dpr_lab.gap.classes.posterior import Alternative, EffectPosterior
@@ -20,6 +21,20 @@ from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, Riva
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
+
+_OF_CAMERA = (
+    (
+        (BASE_TILT.name,),
+        "a camera rotated about its optical axis",
+        "Film a plumb line: if it is not parallel to the vertical edge of the picture, the camera is rotated.",
+    ),
+    (
+        tuple(effect.name for effect in ENCODER_DRIFT),
+        "a camera that is not fixed",
+        "Film a fixed mark next to the rods: if it moves in the picture, the camera is not fixed.",
+    ),
+)
+"""Effects with the signature of an error of a camera; the error; and its check."""
 
 
 def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
@@ -170,17 +185,19 @@ def to_simulator(named: Iterable[NamedEffect]) -> list[str]:
     return [f"Add {listed([effect.name for effect in simulated])} to the simulator: {models} the fitted sizes."]
 
 
-def of_camera(named: Iterable[NamedEffect]) -> tuple[list[str], list[str]]:
-    """Return a warning and a check for a film, because a rotated camera has the signature of a tilted base.
+def of_camera(named: Sequence[NamedEffect]) -> tuple[list[str], list[str]]:
+    """Return warnings and checks for a film, because errors of a camera have the signatures of effects.
 
-    Both lists are empty unless a named effect is, or may be, a base tilt.
+    Both lists are empty unless a named effect is, or may be, a base tilt or a drift of an encoder.
     """
-    if not any(BASE_TILT.name in effect.members for effect in named):
-        return [], []
-    signature = f"has the same signature as {BASE_TILT.name}: check the camera first."
-    warning = f"In a film, a camera rotated about its optical axis {signature}"
-    check = "Film a plumb line: if it is not parallel to the vertical edge of the picture, the camera is rotated."
-    return [warning], [check]
+    warnings, checks = list[str](), list[str]()
+    for effects, error, check in _OF_CAMERA:
+        members = {name for effect in named for name in effect.members}
+        if names := [name for name in effects if name in members]:
+            signature = f"has the same signature as {listed(names)}: check the camera first."
+            warnings.append(f"In a film, {error} {signature}")
+            checks.append(check)
+    return warnings, checks
 
 
 def to_rule_out(effect: NamedEffect) -> str:

@@ -45,7 +45,9 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     answered = bool(checked or (second and diagnosis.only_uncertain))
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained and not answered else []
     if diagnosis.checks or diagnosis.checks_done:
-        advised = [_step(diagnosis, check) for check in recommended(diagnosis.checks)]
+        of_checks = {check.sentences for check in diagnosis.checks}
+        of_camera = [in_words(text) for text in diagnosis.advice if text not in of_checks]
+        advised = [*of_camera, *(_step(diagnosis, check) for check in recommended(diagnosis.checks))]
     if checked or second or advised or last:
         return [*checked, *second, *advised, *last]
     if reason := undecided(diagnosis):
