@@ -76,7 +76,8 @@ def test_a_camera_turned_by_eight_degrees_is_named_if_the_swing_is_as_small(one:
     x, y = 900 * np.sin(angle), 900 * np.cos(angle)
     noisy = np.stack([x, y], 1) + np.random.default_rng(5).normal(0, 2, (len(t), 2))
     file = table(tmp_path, "t,x,y", t, np.round(noisy))
-    (named,) = [q.sentence for q in understand(file, one, ImportOptions()).questions if "camera is turned" in q.sentence]
-    offset = float(named.rpartition("--offset ")[2].rstrip(")"))
+    (asked,) = understand(file, one, ImportOptions()).questions
+    assert "if the camera is turned" in asked.sentence
+    offset = float(asked.sentence.rpartition("--offset ")[2].rstrip(")"))
     assert abs(offset) == pytest.approx(0.14, abs=0.02)
     assert not understand(file, one, ImportOptions(offset={"theta1": offset})).questions

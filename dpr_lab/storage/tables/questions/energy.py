@@ -155,8 +155,8 @@ def _explained_part(table: InterpretedTable) -> str:
 def _turned(read: InterpretedTable, least_rad: float = READ.wrong_zero_rad) -> list[Interpretation]:
     """Return an interpretation in which a single free rod hangs at an angle other than 0 or half a turn.
 
-    The list is empty if the rod hangs within `least_rad` of 0 or half a turn. If it hangs at 90 degrees of the table, the doubled
-    angles also look like an energy-conserving swing about the hanging position.
+    The list is empty if the rod hangs within `least_rad` of 0 or half a turn. If it hangs at 90 degrees of the table,
+    the doubled angles also look like an energy-conserving swing about the hanging position.
     """
     if read.torques is not None or read.drive or read.rig.rods.mounting == "both" or read.options.unit == "counts":
         return []
