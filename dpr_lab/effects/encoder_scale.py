@@ -22,10 +22,13 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     """Describe how to correct the counts per turn of an encoder.
 
     If another common encoder has the corrected number of counts, the text names it. If no common encoder has it and the
-    relative error exceeds `exact`, the largest tolerance, the text states that another cause is probable.
+    relative error exceeds `exact`, the largest tolerance, the text states that another cause is probable. An error of
+    less than half a count per turn needs no correction.
     """
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
+    if round(correct) == configured:
+        return f"the rig file needs no correction, because the error is less than half a count per turn of joint {joint + 1}"
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
     usual = usual_counts(correct)
     if usual and usual != usual_counts(configured):
