@@ -28,7 +28,7 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     configured = abs((rig.counts_per_rev1, rig.counts_per_rev2, rig.counts_per_rev0)[joint])
     correct = configured * (1.0 + params["excess"])
     if round(correct) == configured:
-        return f"the rig file needs no correction, because the error is less than half a count per turn of joint {joint + 1}"
+        return f"the rig file needs no correction: the error is less than half a count per turn of joint {joint + 1}"
     words = f"set counts_per_rev of joint {joint + 1} in the rig file to {correct:.0f} (now {configured:.0f})"
     usual = usual_counts(correct)
     if usual and usual != usual_counts(configured):

@@ -34,7 +34,7 @@ def test_a_wrong_setting_is_reported_with_its_right_value(named, paper: Rig):
     assert "Add coulomb_joint1 to the simulator: model.json in the folder of this diagnosis" in simulate
 
     small = remedies(effects, sizes | {"encoder_scale_joint2": {"excess": 2e-5}}, rig_constants(paper))[0]
-    assert "the rig file needs no correction, because the error is less than half a count per turn of joint 2" in small
+    assert "the rig file needs no correction: the error is less than half a count per turn of joint 2" in small
 
 
 def test_the_table_of_causes_names_no_member_of_negligible_probability(named) -> None:
