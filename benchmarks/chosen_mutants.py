@@ -57,6 +57,8 @@ def main() -> None:
     parser.add_argument("--compiled", action="store_true", help="mutants of compiled kernels too")
     arguments = parser.parse_args()
     mutants = chosen(arguments.only, compiled=arguments.compiled and not arguments.quick)
+    if not mutants:
+        parser.error(f"no mutant belongs to {' or '.join(arguments.only)}")
     with tempfile.TemporaryDirectory() as folder:
         copy, cache = copy_of_the_repository(Path(folder)), Path(folder) / "cache"
         tests = sorted({test for mutant in mutants for test in mutant.tests})

@@ -161,6 +161,8 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
     probabilities[check.about] = standing.probability
     kind, sentence = conclusion(diagnosis, done, result.explained)
     remaining_checks = remaining(diagnosis, done)
+    of_checks = {check.sentences for check in diagnosis.checks}
+    of_camera = [text for text in diagnosis.advice if text not in of_checks]
     return diagnosis.model_copy(
         update={
             "verdict": kind,
@@ -169,7 +171,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "probabilities": probabilities,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, done, standing),
-            "advice": [check.sentences for check in recommended(remaining_checks)],
+            "advice": [*of_camera, *(check.sentences for check in recommended(remaining_checks))],
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
         }

@@ -193,7 +193,8 @@ def test_a_settled_class_has_no_cause_left_to_rule_out(measured: int, value: flo
 
 
 def test_a_measurement_of_the_last_candidate_tests_it_against_any_other_cause() -> None:
-    diagnosis = made()
+    diagnosis, camera = made(), "Film a plumb line."
+    diagnosis = diagnosis.model_copy(update={"advice": [camera, *(check.sentences for check in diagnosis.checks)]})
     result = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0, std=1e-4))
     p = after(result)[LENGTH]
     assert p > 0.9
@@ -201,7 +202,7 @@ def test_a_measurement_of_the_last_candidate_tests_it_against_any_other_cause() 
     entropy = -p * math.log2(p) - (1 - p) * math.log2(1 - p)
     assert left.expected_bits == pytest.approx(entropy, rel=1e-2)
     assert left.informative
-    assert result.advice == [left.sentences]
+    assert result.advice == [camera, left.sentences]  # a check of the camera has no result to record
 
 
 def test_friction_is_not_negative() -> None:

@@ -52,7 +52,7 @@ def _secondary(
 def _replaceable(fitted_sets: FittedSets, chosen: Hypothesis) -> Iterator[tuple[str, float]]:
     """Yield the effects that other forms of the remaining effects can replace while a residual remains.
 
-    Each effect is yielded with its own share. The effect with the smallest own share is the first; the others are then
+    Each effect is yielded with the smallest own share of its set (`_smallest_own_share`). The other effects are then
     tested without it.
     """
     model = chosen
@@ -67,8 +67,8 @@ def _smallest_own_share(fitted_sets: FittedSets, model: Hypothesis) -> tuple[Hyp
     """Return the set without the effect of the smallest own share, and this share.
 
     The own share is small even for a true cause if a free function in the set imitates this cause. Therefore, if a set
-    without another effect has fewer parameters and explains as much, this set is returned. The result is None if only
-    noise remains, or if no own share is below `THRESHOLDS.own_share`.
+    without another effect has fewer parameters and explains as much, this set is returned, with the smallest own share.
+    The result is None if only noise remains, or if no own share is below `THRESHOLDS.own_share`.
     """
     if model.at_noise_floor or len(model.effects) < 2:
         return None

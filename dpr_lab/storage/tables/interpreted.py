@@ -94,7 +94,7 @@ class TableQuestion:
     mend: tuple[str, ...] = ()
     """Command-line options that correct the interpretation; empty if the correction is not certain."""
     other_unit: bool = False
-    """Whether the motion contradicts the unit of the angles: the import then refuses the table (`refuse_unit`)."""
+    """Whether the motion contradicts the unit of the angles; the import then refuses the table."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
