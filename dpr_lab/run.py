@@ -25,14 +25,14 @@ the sample never arrived. Devices with drives also have the cause `torque`: the 
 
 LOSS_WORDS = {
     "device_overrun": "device too slow",
-    "crc": "damaged on the link",
-    "framing": "incomplete frame",
-    "contradicted": "contradictory values",
-    "contradicted_position": "complete counts that contradict the samples",
+    "crc": "damaged",
+    "framing": "cut short",
+    "contradicted": "contradictory",
+    "contradicted_position": "wrong counts",
     "tick_gap": "never arrived",
-    "torque": "torques missing",
+    "torque": "without torques",
 }
-"""Description of each cause for readers."""
+"""Name of each cause for readers; at most 16 characters, so that it fits on the screen."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,10 +29,10 @@ def local_time(utc: str, *, seconds: bool = False) -> str:
         return utc
 
 
-def recorded(run: Path) -> str:
+def recorded(run: Path, *, seconds: bool = False) -> str:
     """Return the recording time from a name `<utc>_<pose>_<uid8>`, or an empty text for any other name."""
     parts = run.stem.split("_")
-    time = local_time(parts[0])
+    time = local_time(parts[0], seconds=seconds)
     return time if len(parts) > 2 and time != parts[0] else ""
 
 

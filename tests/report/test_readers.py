@@ -37,14 +37,15 @@ def test_after_an_unexplained_gap_a_probable_effect_is_not_excluded() -> None:
     gap = SimpleNamespace(after_rad={"joint1": 1e-3}, floor_rad={"joint1": 1e-4}, closed_held_out=held_out)
     made: Any = SimpleNamespace(verdict="unexplained", rivals=[], advice=[], checks=[], gap=gap, only_uncertain=False)
     made.hints, made.checks_done, made.effects, made.only_free_run = [], [], [], False
-    made.basis = "releases left out"
+    made.basis, made.evidence = "releases left out", None
     assert next_steps(made)[0].startswith("No effect of the library is the cause")
     made.basis = "one release"
     assert next_steps(made)[0].startswith("One release does not exclude the effects of the library: record further")
     made.rivals = [SimpleNamespace(name="coulomb_joint1", probability=0.49)]
     (step,) = next_steps(made)
     assert "neither confirm nor exclude Coulomb friction, joint 1 [coulomb_joint1]: record further releases" in step
-    made.rivals, made.basis, held_out.held_out = [], "held-out runs", {"run 10-20 s": 0.5}
+    pieces = [SimpleNamespace(name=name, sha256="1") for name in ("run 0-10 s", "run 10-20 s")]
+    made.rivals, made.basis, made.evidence = [], "held-out runs", SimpleNamespace(recordings=pieces)
     assert next_steps(made)[0].startswith("One release does not exclude")
     made.only_free_run = True
     assert next_steps(made) == ["Check the scale of each recorded angle and input, then record a further release."]

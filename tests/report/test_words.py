@@ -1,5 +1,6 @@
 """Descriptions before identifiers, and sizes in practical units."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -10,7 +11,7 @@ from dpr_lab.gap.result.evidence import Budget, Evidence, RunBudget
 from dpr_lab.report.angles import DEGREES, RADIANS
 from dpr_lab.report.gap.sections.curves import curves_words
 from dpr_lab.report.gap.sections.friction import friction_words
-from dpr_lab.report.run_names import run_label
+from dpr_lab.report.run_names import recorded, run_label
 from dpr_lab.report.words import in_words, named, parameter_words, size_words
 from dpr_lab.shown import percent
 
@@ -114,3 +115,10 @@ def test_the_whole_name_of_a_run_is_replaced_by_its_label(name: str) -> None:
     run = f"20261121T101507Z_{name}"
     assert in_words(f"The swings {run}, {run} and {run}.") == "The swings {0}, {0} and {0}.".format(run_label(run))
     assert in_words(f"dpr-lab diagnose {run}.mcap") == f"dpr-lab diagnose {run}.mcap"
+
+
+def test_two_runs_of_one_minute_have_different_times() -> None:
+    first, second = (Path(f"20261121T1015{s}Z_X1_1a2b3c4d.mcap") for s in ("07", "52"))
+    assert recorded(first) == recorded(second)
+    assert ":15:07" in recorded(first, seconds=True)
+    assert ":15:52" in recorded(second, seconds=True)

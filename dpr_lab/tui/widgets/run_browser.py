@@ -333,7 +333,7 @@ def _row(path: Path, known: RunSurveyed | None) -> tuple[str, ...]:
     info = known.info
     return (
         info.pose or "–",
-        recorded(path) or local_time(info.recorded_utc) or "–",
+        recorded(path, seconds=True) or local_time(info.recorded_utc, seconds=True) or "–",
         f"{info.duration_s:.1f}",
         str(sum(info.lost.values())),
         "whole" if info.complete else "cut",
