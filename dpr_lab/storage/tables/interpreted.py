@@ -94,7 +94,10 @@ class TableQuestion:
     mend: tuple[str, ...] = ()
     """Command-line options that correct the interpretation; empty if the correction is not certain."""
     other_unit: bool = False
-    """Whether the motion contradicts the unit of the angles; the import then refuses the table."""
+    """Whether only another unit of the angles conserves the energy, so that the import refuses the table.
+
+    The accelerations are evidence only for a moving arm.
+    """
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -147,7 +147,9 @@ def read_otherwise(broken: str, others: list[Interpretation], read: InterpretedT
         about = f"{uncertain / TO_RADIANS[unit]:.1g} {'degrees' if unit == 'deg' else unit}"
         rezeroed = "" if read.rig.encoders.rezeroed else "with rezeroed = true in [encoders] of the rig file, "
         causes += f". Proposed zeros are uncertain by about {about}: {rezeroed}the fit corrects them"
-    other_unit = all(other.options.unit != read.options.unit for other in others)
+    other_unit = broken == BROKEN and all(
+        len(other.causes) == 1 and other.options.unit != read.options.unit for other in others
+    )
     mend = others[0].mend if len(others) == 1 else ()
     return TableQuestion(f"with these options {broken} if {causes}", mend, other_unit)
 

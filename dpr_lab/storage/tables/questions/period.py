@@ -134,8 +134,7 @@ def small_questions(table: InterpretedTable) -> list[TableQuestion]:
         ratio = np.inf if scale.other_unit - scale.as_read > 1 else ratio
     sentence = f"the amplitude of the swing is only {amplitude:.2g} degrees"
     if ratio < 1 / READ.alike_balance:
-        agree = f"{sentence}, but the accelerations agree better with rad ({' '.join(words)})"
-        doubt = TableQuestion(agree, words, other_unit=True)
+        doubt = TableQuestion(f"{sentence}, but the accelerations agree better with rad ({' '.join(words)})", words)
     elif ratio <= READ.alike_balance and amplitude < SETTINGS.small:
         doubt = TableQuestion(f"{sentence}: if the table is in rad, import it with {' '.join(words)}")
     else:
