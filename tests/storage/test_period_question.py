@@ -70,6 +70,12 @@ def test_radians_that_are_read_as_degrees_are_noticed(
     assert not understand(table(tmp_path, header, T, noisy), one, corrected(mend)).questions
 
 
+def test_radians_whose_periods_contradict_degrees_are_not_imported(tmp_path: Path, one: Rig) -> None:
+    noisy = swing(0.6) + np.random.default_rng(4).normal(0, 1e-3, len(T))
+    with pytest.raises(RunError, match="the angles are probably in rad"):
+        import_csv(table(tmp_path, "t,theta1_deg", T, noisy), one, ImportOptions(zero="hanging"))
+
+
 def corrected(mend: tuple[str, ...]) -> ImportOptions:
     if mend[0] == "--unit":
         return ImportOptions(unit="rad", zero="hanging")

@@ -23,7 +23,7 @@ def table(folder: Path, header: str, *columns: np.ndarray) -> Path:
 
 
 T = np.arange(0, 1, 0.01)
-SWING = 1.2 * np.cos(6 * T)
+SWING, SPEED = solve_ivp(lambda _, y: [y[1], -44 * np.sin(y[0])], (0, 1), [1.2, 0], t_eval=T, rtol=1e-9, atol=1e-9).y
 
 
 def test_a_rig_of_one_rod_need_not_describe_another(one: Rig) -> None:
@@ -68,7 +68,8 @@ def test_the_torque_of_the_only_joint_needs_no_number(one: Rig, paper: Rig, tmp_
     assert run.torques is not None
     np.testing.assert_allclose(run.torques, np.column_stack([torque, 0 * T]), atol=1e-12)
     assert not any("joint 2" in note for note in run.notes)
-    both = import_csv(table(tmp_path, "t,theta1,theta2,torque", T, SWING, np.cos(9 * T), torque), paper)
+    two = table(tmp_path, "t,theta1,theta2,torque", T, SWING, np.cos(9 * T), torque)
+    both = import_csv(two, paper, ImportOptions(scale={"theta1": 1.0}))  # the angles are no swing of two rods
     assert both.torques is None
     assert "torque: not used; name the joint of a torque, for example --columns tau1=torque" in both.notes
 
@@ -377,14 +378,13 @@ def test_the_position_of_a_cart_is_no_angle_and_a_note_states_how_to_use_it(
 
 
 def test_the_speed_next_to_an_unnamed_angle_is_not_mistaken_for_it(one: Rig, tmp_path: Path) -> None:
-    noise = np.random.default_rng(4).normal(0, 0.2, (2, len(T)))
-    speed = -7.2 * np.sin(6 * T) + noise[0]
+    noise, speed = np.random.default_rng(4).normal([0 * T, SPEED], 0.2)
     for columns in ((T, SWING, speed), (T, speed, SWING), (SWING, speed, speed + np.roll(speed, 1), 0 * T, T)):
         file = table(tmp_path, "", *columns)
         file.write_text(file.read_text().lstrip())
         run = import_csv(file, one, ImportOptions(unit=None, time_unit=None, zero="hanging"))
         assert run.theta[:, 1] - np.pi == pytest.approx(SWING, abs=1e-9)
-    for others in ((noise[1],), (speed, -36 * SWING)):
+    for others in ((noise,), (speed, -36 * SWING)):
         file = table(tmp_path, "", T, SWING, *others)
         file.write_text(file.read_text().lstrip())
         with pytest.raises(RunError, match="no single column found"):

@@ -13,9 +13,8 @@ from dpr_lab.storage.tables.plausible import odd_notes
 from dpr_lab.storage.tables.table import read_table
 from dpr_lab.storage.tables.understand import understand
 from tests.storage.swing_files import small_swing
+from tests.storage.test_rod_alone import SWING, T
 
-T = np.arange(0, 1, 0.01)
-SWING = 1.2 * np.cos(6 * T)
 DEG = np.rad2deg(SWING)
 
 

@@ -109,7 +109,8 @@ def period_questions(table: InterpretedTable) -> list[TableQuestion]:
     near = abs(scale.best - factor) < SETTINGS.other_unit * factor if larger else scale.other_unit < 1
     words = unit_words(table) if near and unit != "counts" else ()
     if words and larger:
-        return [TableQuestion(f"{sentence}: the angles are probably in rad ({' '.join(words)})", words)]
+        probably = f"{sentence}: the angles are probably in rad ({' '.join(words)})"
+        return [TableQuestion(probably, words, other_unit=True)]
     if unit == "counts" or larger:
         right = "counts_per_rev of the rig file" if unit == "counts" else "the unit of the angles (--unit, --scale)"
         return [TableQuestion(f"{sentence}: is {right} correct?")]
@@ -130,7 +131,7 @@ def small_questions(table: InterpretedTable) -> list[TableQuestion]:
         return []
     words = unit_words(table)
     ratio = _residual_of_radians(table)
-    if 1 / READ.alike_balance <= ratio <= READ.alike_balance and (scale := amplitude_scale(table)):
+    if ratio <= READ.alike_balance and (scale := amplitude_scale(table)):
         ratio = np.inf if scale.other_unit - scale.as_read > 1 else ratio
     sentence = f"the amplitude of the swing is only {amplitude:.2g} degrees"
     if ratio < 1 / READ.alike_balance:
