@@ -95,6 +95,18 @@ def test_a_small_swing_in_degrees_is_not_doubted(degrees: float, tmp_path: Path,
     assert not warned(table(tmp_path, "t,theta1_deg", T, small), one)
 
 
+def test_the_periods_of_a_small_swing_with_coarse_counts_show_that_it_is_in_degrees(tmp_path: Path, one: Rig) -> None:
+    """The accelerations agree better with radians, because the amplitude is only a few counts."""
+    t = np.arange(0, 30, 0.01)
+
+    def slope(_: float, y: np.ndarray) -> list[float]:
+        return [y[1], -47.33 * math.sin(y[0]) - 0.019 * y[1] - 6.17e-3 * math.tanh(y[1] / 0.01)]
+
+    angle = 0.0427 + solve_ivp(slope, (0, 30), [0.03306, 0.0], t_eval=t, method="LSODA", rtol=1e-7, atol=1e-8).y[0]
+    degrees = 360 / 1024 * np.round(angle / (2 * np.pi) * 1024)
+    assert not warned(table(tmp_path, "t,theta1_deg", t, degrees), one)
+
+
 def test_half_the_counts_of_a_turn_change_the_period(tmp_path: Path, one: Rig) -> None:
     counts = np.round(swing(1.2) * one.encoders.counts_per_rev[1] / (4 * np.pi))
     (sentence,) = (sentence for sentence, _ in warned(table(tmp_path, "t,counts", T, counts), one, "counts"))
