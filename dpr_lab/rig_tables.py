@@ -207,7 +207,8 @@ class Joints(RigTable):
     identified. A run stores this mode; `import table --inner` overrides the mode for one recording."""
 
     geared: tuple[Literal[1, 2], ...] = ()
-    """Joints with a geared motor, driven or not: a diagnosis then expects the inertia of its rotor and its friction."""
+    """Joints with a geared motor, driven or not. The model of a diagnosis then contains the Coulomb and load-dependent
+    friction of these joints, and the rotor inertia of joint 2."""
 
 
 ArmMode = Literal["clamped", "free", "prescribed", "driven"]

@@ -102,7 +102,7 @@ class HostSession:
             LocalProtocolError: another command is pending, or a field is out of its range.
         """
         if self._pending and not isinstance(command, Stop):
-            raise LocalProtocolError(f"{_name(command)} while {_name(self._pending.command)} is unanswered")
+            raise LocalProtocolError(f"{_name(command)} must wait for the answer to {_name(self._pending.command)}")
         self._token = (self._token + 1) % 256
         command = replace(command, token=self._token)
         frame = encode(command, self.node)

@@ -171,7 +171,7 @@ class _Peer:
         return next(message for message in self._heard if isinstance(message, Status))
 
     def read(self) -> list[Message]:
-        """Return the messages that arrive within a short time."""
+        """Return the messages that the device sends within 0.02 s; frames that cannot be decoded are counted."""
         fresh: list[Message] = []
         for frame in self.link.receive(0.02).frames:
             try:

@@ -63,8 +63,8 @@ def plan(
         str | None,
         typer.Option(
             callback=_budget,
-            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: up to three"
-            " releases.",
+            help="Available time at the rig: 10min, 90s or 1h; a number alone is in minutes. Default: no time limit,"
+            " and at most three releases.",
         ),
     ] = None,
     limits: Annotated[

@@ -72,8 +72,8 @@ ENCODER_OFFSET_JOINT0 = at_arm(
     ENCODER_OFFSET_JOINT1,
     twins=("encoder_eccentricity_joint0", "spring_joint0"),
     remedy=lambda params, rig, joint: (
-        f"subtract {1e3 * params['offset_rad']:.3g} mrad from the readings of the arm's encoder; it matters"
-        " only if a cable or a stop acts on the arm"
+        f"subtract {1e3 * params['offset_rad']:.3g} mrad from the readings of the arm's encoder; the"
+        " offset matters only if a cable or a stop acts on the arm"
     ),
     symptom="The reading of encoder 0 is not zero at the mark of the arm.",
     bench_check="Turn the arm to its mark and read encoder 0: the reading is the zero error.",

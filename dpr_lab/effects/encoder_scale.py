@@ -34,7 +34,8 @@ def remedy(params: Params, rig: RigConstants, joint: int, exact: float = 5e-3) -
     if usual and usual != usual_counts(configured):
         words += f"; an encoder of {usual // 4} lines, with four counts per line, has {usual}"
     elif abs(params["excess"]) > exact:
-        words += "; no usual encoder has this number: without a potentiometer, belt or gear, another cause is probable"
+        words += "; no common encoder has this number of counts per turn: unless the joint is measured by a"
+        words += " potentiometer or through a belt or gear, another cause is probable"
     return words
 
 

@@ -89,8 +89,8 @@ def _refuse_still(name: str, run: Run, rods: Array) -> None:
         cure = "if only the inner rod is mounted, use --rods inner, otherwise check the column of theta2 (--columns)"
     elif still == ["theta1"] and not run.setup.held:
         cure = (
-            "check the column of theta1 (--columns); a single rod on joint 1 is theta1, with --rods inner or"
-            " --rods outer"
+            "check the column of theta1 (--columns); the angle of a single rod on joint 1 is theta1: import it with"
+            " --rods inner or --rods outer"
         )
     else:
         cure = "record a release, or check the columns (--columns) and the unit of the angles (--unit)"

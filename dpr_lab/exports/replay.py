@@ -66,8 +66,8 @@ def release(run: Run, rig: Rig, model: Model, until: float | None = None) -> Rep
 def replays(runs: Sequence[Run], rig: Rig, model: AnyModel, like: Sequence[Replay] | None = None) -> tuple[Replay, ...]:
     """Simulate runs with a model from fitted initial states.
 
-    If `like` is given, each simulation ends with the replay of the same run in `like`. This does not apply to a moving
-    arm.
+    If `like` is given, each simulation ends at the last time of the replay of the same run in `like`. This does not
+    apply to a moving arm.
 
     Raises:
         RunError: a run is too short, or no initial state fits a run.

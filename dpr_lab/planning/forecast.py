@@ -160,7 +160,9 @@ class TestedEffects(NamedTuple):
         return cls(z, limits, columns, largest, prices, log_prior, odds / odds.sum(), separation)
 
     def settled(self, z: Array) -> Flags:
-        """Return the (draws,) mask of the draws in which every effect is excluded, or one effect is decided.
+        """Return the (draws,) mask of the draws that decide the causes.
+
+        In such a draw, every effect is excluded, or one effect is significant and its alternatives are improbable.
 
         Args:
             z: (draws, n) estimates of the amplitudes, in standard deviations

@@ -132,7 +132,7 @@ def _of_arm(limits: PlanLimits, rig: Rig) -> Iterator[CandidateRelease]:
 
 
 def _shaped(limits: PlanLimits, drive: SignalLimits) -> Iterator[tuple[SignalKind, Array, Array]]:
-    """Yield kind, instants, s, and values of each signal of unit peak.
+    """Yield the kind, the sampling times (s) and the values of each signal, scaled to a peak of 1.
 
     The highest frequency is at most a quarter of the sampling rate.
     """

@@ -366,8 +366,8 @@ def reason_for(before: Gain, after: Gain, needed: bool = False, diagnosed: bool 
 def _distinguishes(before: float, after: float, diagnosed: bool) -> str:
     """Return a clause on the share of the effects that a release distinguishes.
 
-    The clause states by how much the share, 0 to 1, increases by the release, computed from the rounded shares of the
-    table. If the share before the release is small, the clause states the share after it.
+    The clause states the increase of this share due to the release, computed from the rounded shares of the table. If
+    the share before the release is small, it states the share after the release. Both shares are between 0 and 1.
     """
     effects = "the effects that are not named so far" if diagnosed else "the effects of the library"
     if before < NOTICEABLE.library:

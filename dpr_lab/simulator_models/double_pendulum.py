@@ -55,8 +55,8 @@ def double_pendulum(model: SimulatorModel, names: Sequence[str] = (), gravity: f
     inclination = math.asin(min(1.0, abs(pull @ e) / float(np.linalg.norm(pull))))
     if inclination > CHAIN.noticed:
         notes.append(
-            f"the axis of {inner.name!r} is inclined by {math.degrees(inclination):.3g} degrees: g is the component of"
-            " gravity in the plane of the swing"
+            f"the axis of {inner.name!r} is inclined by {math.degrees(inclination):.3g} degrees from the"
+            " horizontal: g is the component of gravity in the plane of the swing"
         )
     up = -down / g
     plane = np.array([up, np.cross(e, up)])

@@ -31,7 +31,7 @@ class Hinges(NamedTuple):
 
 
 def joint_of(model: SimulatorModel, index: int) -> ModelJoint:
-    """Return the joint of a part that has a joint."""
+    """Return the joint that moves part `index`, which must have a joint."""
     joint = model.parts[index].joint
     assert joint is not None
     return joint

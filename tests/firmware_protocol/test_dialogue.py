@@ -182,7 +182,7 @@ def test_a_refusal_ends_the_command_with_text_and_remedy():
 def test_one_command_at_a_time_but_stop_always():
     host = HostSession()
     host.command(Stream(rate_hz=10), now=0.0)
-    with pytest.raises(LocalProtocolError, match="HOLD while STREAM is unanswered"):
+    with pytest.raises(LocalProtocolError, match="HOLD must wait for the answer to STREAM"):
         host.command(Hold(), now=0.0)
     stop = decode(host.command(Stop(), now=0.0))
     assert host.pending == stop

@@ -126,7 +126,7 @@ def test_of_measured_and_commanded_torques_one_can_be_kept_alone(paper: Rig, tmp
     free = import_csv(file, paper, ImportOptions(torque="none"))
     assert free.torques is None
     assert "torques" not in understand(file, paper, ImportOptions(torque="none")).facts()
-    with pytest.raises(RunError, match="tau1_commanded_Nm and tau_cmd1 contain the same torque"):
+    with pytest.raises(RunError, match="names of tau1_commanded_Nm and tau_cmd1 denote the same torque"):
         import_csv(table(tmp_path, "tau1_commanded_Nm,tau_cmd1,tau_cmd2", TAU, TAU[:, :1]), paper)
 
 

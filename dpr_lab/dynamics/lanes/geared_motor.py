@@ -34,7 +34,9 @@ def begin_gear(w: LaneWorkspace) -> None:
 
 @subroutine
 def fed(owed: float, behind: float, step: float) -> float:
-    """Return the torque that transmits an impulse and its first moment within two steps, N m.
+    """Return the torque of the gear in the next step, N m.
+
+    Together with the torque of the step after it, this torque transmits an impulse and its first moment.
 
     Args:
         owed: impulse, N m s

@@ -152,7 +152,8 @@ def arm_to_change(model: AnyModel, chain: ModelChain, rig: Rig, path: Path) -> C
         return None
     if chain.arm is None:
         raise ConfigError(
-            f"{path}: the arm of the model moves, but the file has none: name its joint as the last of --joints"
+            f"{path}: the identified arm moves, but no joint of the file is assigned to it: name this joint as the"
+            " last of --joints"
         )
     if len(chain.rods) != rig.rods.number:
         rods, wanted = ("one rod" if count == 1 else "two rods" for count in (len(chain.rods), rig.rods.number))

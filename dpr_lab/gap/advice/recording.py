@@ -171,8 +171,8 @@ def _exchanged(problem: Problem, named: Hypothesis, about: str, score: Score) ->
     """Replace the named effect of a fitted set by another effect, and fit this set.
 
     The fit starts from the ratios of the fitted set, and from the size whose linear signature is closest to that of the
-    named effect. A fit that starts from the bare model can end in a local minimum: in a release that soon ends at rest,
-    too much viscous friction replaces Coulomb friction there.
+    named effect. A fit that starts from the bare model can end in a local minimum. For example, in a release that soon
+    comes to rest, an excessive viscous friction can replace the Coulomb friction.
     """
     start = shaped(named, score)
     free = free_parameters(start, (*named.effects, score.effect.name), problem)

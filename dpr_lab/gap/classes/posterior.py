@@ -133,7 +133,10 @@ class _Replacements:
 def _class_members(
     replacements: _Replacements, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the other members of a class with the prior weights of their sizes, and its richer forms."""
+    """Return the other members of the class of a named effect, and the richer forms that do not improve the fit.
+
+    The members are the keys; the values are the prior weights of their sizes.
+    """
     same = [other for other, score in others.items() if _in_one_class(replacements, named, score)]
     richer = _undetectably_richer(replacements.selection, named.effect)
     undetectable = [other for other in richer if other in others and other not in same]

@@ -134,7 +134,7 @@ class _Conversion:
         return self.factors[[parameter.place for parameter in free]]
 
     def _linear(self, linear: Linearisation, free: tuple[FreeParameter, ...]) -> Linearisation:
-        """Convert the derivatives with respect to the parameters `free`."""
+        """Convert derivatives with respect to the parameters `free` to the other value of b."""
         units = self._units(free)
         coefficients = linear.initial_state_coefficients / units
         return replace(linear, A=linear.A / units, initial_state_coefficients=coefficients)

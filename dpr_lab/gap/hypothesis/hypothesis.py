@@ -74,9 +74,9 @@ class Hypothesis:
     def penalty(self) -> float:
         """Penalty of the parameters, in chi2 of independent readings.
 
-        A curve of n amplitudes and size s > s0 has the additional penalty 2 n ln(s / s0), which corresponds to a prior
-        density s^-n of unknown common scale. It is necessary because a curve with large amplitudes that cancel each
-        other can imitate other effects.
+        A curve of n amplitudes whose size s exceeds s0 (`PENALTY.ordinary`) has the additional penalty 2 n ln(s / s0).
+        This corresponds to a prior density of the amplitudes proportional to s^-n. It is necessary because a curve with
+        large amplitudes that cancel each other can imitate other effects.
         """
         penalty = PENALTY.parameter * self.parameters
         for name, size in self.curves.items():

@@ -99,7 +99,10 @@ class FittedColumns:
         return products[:, :-states], within
 
     def of_products(self, products: Array, within: Array, count: int) -> SmallSets:
-        """Project the fitted columns out of sets of columns, whose `products` are summed over all segments."""
+        """Project the fitted columns out of sets of `count` columns.
+
+        `products` and `within` are the results of `products()`, summed over all segments.
+        """
         across = products.reshape(len(products), -1, count)
         return self.space.projected_out_of_sets(across[:-1], within, across[-1])
 

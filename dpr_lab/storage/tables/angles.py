@@ -47,6 +47,6 @@ def _counts(path: Path, values: Values, rig: Rig) -> Integers:
     columns = np.column_stack([values.get(axis, zero) for axis, zero in zip(AXES, still, strict=True)])
     if np.any(columns != np.round(columns)):
         raise RunError(
-            f"{path}: the unit counts requires integers, but these values have fractions: use --unit rad or deg"
+            f"{path}: --unit counts requires integers, but these values have fractions: use --unit rad or deg"
         )
     return columns.astype(np.int64)

@@ -169,7 +169,7 @@ def even_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
 
 
 def spread_times(t: Array, readings: Mapping[str, Array]) -> tuple[Array, str]:
-    """Spread rows with one time stamp evenly over the adjacent interruption; return times and a note.
+    """Spread rows that share a time stamp evenly over the adjacent interruption; return times and a note.
 
     Only rows with new readings are spread. Rows are not spread if the interruption is too short for them, for example
     after a row that was written twice.

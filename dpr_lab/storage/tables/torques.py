@@ -78,7 +78,8 @@ def find_torques(
         of_kind = by_kind[kinds[name] or other_kind]
         if joint in of_kind:
             raise RunError(
-                f"{path}: {of_kind[joint]} and {name} contain the same torque: remove one of the two columns"
+                f"{path}: the names of {of_kind[joint]} and {name} denote the same torque: rename or remove one of"
+                " the two columns"
             )
         of_kind[joint] = name
     kinds_used = (source,) if source in KINDS else KINDS if by_kind["measured"] or by_kind["commanded"] else ("",)

@@ -108,13 +108,14 @@ def _fine(theta: Array) -> Flags:
 
 
 def _smoothest(moved: Array, floor: float) -> tuple[Integers, Array, Array]:
-    """Return the number of frames of each step, and the changes of speed.
+    """Return the number of frames of each step, and the relative changes of speed before and after.
 
-    The first changes are those with one frame per step, the second those with the returned numbers.
+    A change is the squared second difference of the speed, divided by its mean square. The first changes are those with
+    one frame per step, the second those with the returned numbers.
 
     Args:
         moved: (n, m) steps of the angles, rad
-        floor: floor of the speed, rad
+        floor: lower limit of the speed in the denominator, rad per frame
     """
     numbers = np.arange(1, LOST.frames + 1)
     speeds = moved[:, None, :] / numbers[:, None]
