@@ -155,7 +155,7 @@ def _frictions(diagnosis: Diagnosis, limits: Limits) -> Iterator[JudgedLimit]:
         answer = _answer(interval, *bounds)
         if curve is not None and curve.back_emf and answer != "pass":
             back_emf = "the torque contains the back-EMF of the voltage drive"
-            reason = reason or Reason(back_emf, "record releases with a free arm", "recordings")
+            reason = reason or Reason(back_emf, "record releases with a free arm", "alike")
         if curve is not None and answer == "not decidable" and not reason:
             known, best = largest_friction(curve, limit, SURE), largest_estimate(curve, limit)
             reason = _only_scale(diagnosis.scale, bounds, known, best, 1)

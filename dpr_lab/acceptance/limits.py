@@ -181,5 +181,5 @@ def _known(kind: str, name: str, names: Collection[str]) -> None:
 
 
 def _same_unit(path: Path, key: str, unit: str, right: str) -> None:
-    if unit != right:
+    if unit.replace("²", "^2") != right:
         raise ConfigError(f'{path}: {key}.unit = {unit!r}: must be "{right}"')

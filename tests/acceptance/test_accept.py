@@ -218,6 +218,13 @@ def test_a_wrong_file_is_refused_with_its_key_and_value(tmp_path: Path, text: st
     assert words in str(refused.value)
 
 
+def test_a_unit_may_have_a_superscript(tmp_path: Path) -> None:
+    """Tables of `identify` print 1/s²."""
+    path = tmp_path / "limits.toml"
+    path.write_text('[ratios]\n"e1/b" = {max = 1.0, unit = "1/s²"}', encoding="utf-8")
+    assert load_limits(path, Limits).ratios["e1/b"].max == 1.0
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_limits(tmp_path / "none.toml", Limits)

@@ -133,9 +133,9 @@ class _Replacements:
 def _class_members(
     replacements: _Replacements, named: Score, others: Mapping[str, Score]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the other members of the class of a named effect, and the richer forms that do not improve the fit.
+    """Return the other members of the class of a named effect, and its richer forms.
 
-    The members are the keys; the values are the prior weights of their sizes.
+    The members are the keys; the values are the prior weights of their sizes. The richer forms do not improve the fit.
     """
     same = [other for other, score in others.items() if _in_one_class(replacements, named, score)]
     richer = _undetectably_richer(replacements.selection, named.effect)

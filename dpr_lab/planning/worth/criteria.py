@@ -273,7 +273,9 @@ def shown_ratio_std(known: Knowledge, F: Array) -> dict[str, float]:
             name, value, divisor = ratio
             change = np.zeros(len(covariance))
             change[i], change[-1] = 1.0, -value * divisor / estimate.ratios[SCALE] if place in of_arm else 0.0
-            shown[name] = float(np.sqrt(change @ covariance @ change)) / divisor
+            variance = float(change @ covariance @ change)
+            if variance > 0:  # not so, by rounding, if the release does not determine the ratio
+                shown[name] = variance**0.5 / divisor
     return shown
 
 
