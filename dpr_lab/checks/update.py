@@ -28,7 +28,7 @@ from dpr_lab.gap.advice.measurement import CHECK, has
 from dpr_lab.gap.conclusion.causes import to_rule_out, to_simulator
 from dpr_lab.gap.hypothesis.calibration import CALIBRATION
 from dpr_lab.gap.result.causes import NamedEffect, RivalEffect
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, recommended
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, CheckDone, camera_checks, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis, Verdict
 
 
@@ -161,8 +161,6 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
     probabilities[check.about] = standing.probability
     kind, sentence = conclusion(diagnosis, done, result.explained)
     remaining_checks = remaining(diagnosis, done)
-    of_checks = {check.sentences for check in diagnosis.checks}
-    of_camera = [text for text in diagnosis.advice if text not in of_checks]
     return diagnosis.model_copy(
         update={
             "verdict": kind,
@@ -171,7 +169,7 @@ def _updated(diagnosis: Diagnosis, check: AdvisedCheck, answer: CheckAnswer, res
             "probabilities": probabilities,
             "sentence": sentence,
             "remedies": _remedies(diagnosis, done, standing),
-            "advice": [*of_camera, *(check.sentences for check in recommended(remaining_checks))],
+            "advice": [*camera_checks(diagnosis.advice), *(check.sentences for check in recommended(remaining_checks))],
             "checks": remaining_checks,
             "checks_done": [*diagnosis.checks_done, done],
         }

@@ -126,7 +126,7 @@ def test_what_cannot_be_changed_is_refused(tmp_path: Path) -> None:
         into_file(less, rig, file)
     alone = ROBOT.replace('<joint name="yaw" axis="0 0 -1" damping="0.02" armature="0.001"/>', "")
     file.write_text(alone.replace('joint="yaw"', 'joint="elbow"'), encoding="utf-8")
-    with pytest.raises(ConfigError, match="the arm of the model moves, but the file has none"):
+    with pytest.raises(ConfigError, match="the identified arm moves, but no joint of the file is assigned to it"):
         into_file(model, rig, file)
 
 

@@ -5,6 +5,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from dpr_lab.gap.result.checks import PLUMB_LINE
 from dpr_lab.gap.result.diagnosis import UNCERTAIN, Diagnosis
 from dpr_lab.gap.result.evidence import Budget, Curves, Evidence, JointFriction, ResidualAnalysis, RunBudget, Whiteness
 from dpr_lab.gap.result.gap_size import Where
@@ -143,10 +144,10 @@ def test_a_recording_precedes_a_measurement_with_as_much_information(diagnosis):
     assert "[check 2-ab, expected information at most 0.70 bits; or" in next_steps(measured)[0]
 
 
-def test_advice_that_is_no_check_is_shown_first(diagnosis):
+def test_checks_of_the_camera_are_shown_first(diagnosis):
     steps = next_steps(diagnosis(verdict="named", checks=[], advice=["Record a release for coulomb_joint1."]))
     assert steps == [f"Record a release for {COULOMB}."]
-    assert next_steps(diagnosis(advice=["Film a plumb line.", "Record a release."]))[0] == "Film a plumb line."
+    assert next_steps(diagnosis(advice=[PLUMB_LINE, "Record a release."]))[0] == PLUMB_LINE
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from dpr_lab.gap.conclusion.verdict import VERDICT
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
 from dpr_lab.gap.hypothesis.refits import refit_without
 from dpr_lab.gap.result.causes import EffectSize, NamedEffect, NamedFamily, RivalEffect, nameable
+from dpr_lab.gap.result.checks import FIXED_MARK, PLUMB_LINE
 from dpr_lab.gap.state import Transferred
 from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
@@ -26,12 +27,12 @@ _OF_CAMERA = (
     (
         (BASE_TILT.name,),
         "a camera rotated about its optical axis",
-        "Film a plumb line: if it is not parallel to the vertical edge of the picture, the camera is rotated.",
+        PLUMB_LINE,
     ),
     (
         tuple(effect.name for effect in ENCODER_DRIFT),
         "a camera that is not fixed",
-        "Film a fixed mark next to the rods: if it moves in the picture, the camera is not fixed.",
+        FIXED_MARK,
     ),
 )
 """Effects with the signature of an error of a camera; the error; and its check."""

@@ -26,6 +26,12 @@ class Recommendation:
 
 RECOMMENDATION = Recommendation()
 
+PLUMB_LINE = "Film a plumb line: if it is not parallel to the vertical edge of the picture, the camera is rotated."
+"""Check of a film for a rotated camera."""
+
+FIXED_MARK = "Film a fixed mark next to the rods: if it moves in the picture, the camera is not fixed."
+"""Check of a film for a camera that is not fixed."""
+
 
 class AdvisedRelease(Saved):
     """A recommended release, from rest."""
@@ -173,6 +179,11 @@ class AdvisedCheck(Saved):
 
 def _amplitudes(effect: str) -> dict[str, EffectParameter]:
     return {parameter.name: parameter for parameter in EFFECTS[effect].amplitudes} if effect in EFFECTS else {}
+
+
+def camera_checks(advice: Iterable[str]) -> list[str]:
+    """Return the checks of the camera among the advice of a diagnosis."""
+    return [text for text in advice if text in (PLUMB_LINE, FIXED_MARK)]
 
 
 def recommended(checks: Iterable[AdvisedCheck]) -> list[AdvisedCheck]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from dpr_lab.checks.update import likeliest
 from dpr_lab.gap.result.causes import PROBABLE
-from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, recommended
+from dpr_lab.gap.result.checks import NONE_OF_THEM, AdvisedCheck, camera_checks, recommended
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.planning.stopping import STOPPING, by_prior, recorded_releases, reservation, undecided, untested_forms
 from dpr_lab.report.gap.check_tables import bits
@@ -45,9 +45,10 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
     answered = bool(checked or (second and diagnosis.only_uncertain))
     last = [unexplained[diagnosis.verdict]] if diagnosis.verdict in unexplained and not answered else []
     if diagnosis.checks or diagnosis.checks_done:
-        of_checks = {check.sentences for check in diagnosis.checks}
-        of_camera = [in_words(text) for text in diagnosis.advice if text not in of_checks]
-        advised = [*of_camera, *(_step(diagnosis, check) for check in recommended(diagnosis.checks))]
+        advised = [
+            *camera_checks(diagnosis.advice),
+            *(_step(diagnosis, check) for check in recommended(diagnosis.checks)),
+        ]
     if checked or second or advised or last:
         return [*checked, *second, *advised, *last]
     if reason := undecided(diagnosis):
