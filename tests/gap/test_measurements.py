@@ -18,7 +18,7 @@ from dpr_lab.gap.advice.check_kind import CheckAnswer, OpenQuestion
 from dpr_lab.gap.advice.measurement import CHECK, Predictions, predictions
 from dpr_lab.gap.conclusion.causes import to_rule_out, to_simulator
 from dpr_lab.gap.hypothesis.hypothesis import Hypothesis
-from dpr_lab.gap.result.checks import NONE_OF_THEM, Quantity
+from dpr_lab.gap.result.checks import NONE_OF_THEM, PLUMB_LINE, Quantity
 from dpr_lab.gap.result.diagnosis import Diagnosis
 from dpr_lab.gap.result.evidence import Exclusion
 from dpr_lab.report.digits import NONE
@@ -193,7 +193,7 @@ def test_a_settled_class_has_no_cause_left_to_rule_out(measured: int, value: flo
 
 
 def test_a_measurement_of_the_last_candidate_tests_it_against_any_other_cause() -> None:
-    diagnosis, camera = made(), "Film a plumb line."
+    diagnosis, camera = made(), PLUMB_LINE
     diagnosis = diagnosis.model_copy(update={"advice": [camera, *(check.sentences for check in diagnosis.checks)]})
     result = update(diagnosis, diagnosis.checks[0], CheckAnswer(value=0.0, std=1e-4))
     p = after(result)[LENGTH]

@@ -145,8 +145,7 @@ def test_a_recording_precedes_a_measurement_with_as_much_information(diagnosis):
 
 
 def test_checks_of_the_camera_are_shown_first(diagnosis):
-    steps = next_steps(diagnosis(verdict="named", checks=[], advice=["Record a release for coulomb_joint1."]))
-    assert steps == [f"Record a release for {COULOMB}."]
+    assert next_steps(diagnosis(verdict="named", checks=[], advice=["Use coulomb_joint1."])) == [f"Use {COULOMB}."]
     assert next_steps(diagnosis(advice=[PLUMB_LINE, "Record a release."]))[0] == PLUMB_LINE
 
 
