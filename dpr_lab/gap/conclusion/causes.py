@@ -24,18 +24,10 @@ from dpr_lab.identification.scaling.scale import Scale
 from dpr_lab.shown import listed
 
 _OF_CAMERA = (
-    (
-        (BASE_TILT.name,),
-        "a camera rotated about its optical axis",
-        PLUMB_LINE,
-    ),
-    (
-        tuple(effect.name for effect in ENCODER_DRIFT),
-        "a camera that is not fixed",
-        FIXED_MARK,
-    ),
+    ((BASE_TILT.name,), "a camera rotated about its optical axis", PLUMB_LINE),
+    (tuple(effect.name for effect in ENCODER_DRIFT), "a camera that is not fixed", FIXED_MARK),
 )
-"""Effects with the signature of an error of a camera; the error; and its check."""
+"""Effects with the signature of an error of a camera, the error, and the check for it."""
 
 
 def named_effect(state: Transferred, posterior: EffectPosterior, scale: Scale) -> NamedEffect:
@@ -192,8 +184,8 @@ def of_camera(named: Sequence[NamedEffect]) -> tuple[list[str], list[str]]:
     Both lists are empty unless a named effect is, or may be, a base tilt or a drift of an encoder.
     """
     warnings, checks = list[str](), list[str]()
+    members = {name for effect in named for name in effect.members}
     for effects, error, check in _OF_CAMERA:
-        members = {name for effect in named for name in effect.members}
         if names := [name for name in effects if name in members]:
             signature = f"has the same signature as {listed(names)}: check the camera first."
             warnings.append(f"In a film, {error} {signature}")

@@ -91,9 +91,9 @@ def _as_read(runs: Sequence[Run], rig: Rig) -> tuple[RatioFit | None, RunError |
 def refuse_impossible_scale(unknown: Array, runs: Sequence[Run], rig: Rig, effects: Sequence[str] = ()) -> None:
     """Check that a rig can have the fitted ratios and the fitted inertia b.
 
-    Known torques or masses determine b. If the torques contradict the motion, the
-    estimate of 1/b is near zero, so that b is very large and may be negative.
-    Torques in another unit result in a b that is far from the value of the rig file.
+    Known torques or masses determine b. If the torques contradict the motion, the estimate of 1/b is near zero, so that
+    b is very large and may be negative. Torques in another unit result in a b that is far from the value of the rig
+    file.
 
     Args:
         unknown: (7,) ratios, b and p/b of a fit

@@ -94,9 +94,9 @@ class TableQuestion:
     mend: tuple[str, ...] = ()
     """Command-line options that correct the interpretation; empty if the correction is not certain."""
     other_unit: bool = False
-    """Whether only another unit of the angles conserves the energy, so that the import refuses the table.
+    """Whether the motion contradicts the unit of the angles, so that the import refuses the table.
 
-    The accelerations are evidence only for a moving arm.
+    Periods and energy of the swing are evidence, and for a moving arm also the accelerations.
     """
 
 
